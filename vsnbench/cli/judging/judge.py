@@ -1,14 +1,13 @@
 """`vsnbench judge`: judge recorded episodes; earlier verdicts stay in the record."""
 
-import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
 from vsnbench.cli.support.options import Database, Results, results_directory
-from vsnbench.cli.support.output import Json, is_quiet, print_json
+from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import sanitize
@@ -152,11 +151,9 @@ def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: boo
     with Journal.open(place.database_url, provenance) as journal:
         seen = len(details.verdicts)
         journal.judge(number, verdict, author=provenance.operator, note=judgement.note, seen=seen)
-    if as_json:
-        fields = {"end_reason": verdict.end_reason.value, "success": verdict.success, "verdict": verdict.text}
-        print_json({"id": number, **fields, "author": provenance.operator, "note": judgement.note})
-        return
-    typer.echo(f"episode {number} judged by {safe(provenance.operator)}: {safe(verdict.text)}")
+    fields = {"id": number, "end_reason": verdict.end_reason, "success": verdict.success, "verdict": verdict.text}
+    text = f"episode {number} judged by {safe(provenance.operator)}: {safe(verdict.text)}"
+    print_result(fields | {"author": provenance.operator, "note": judgement.note}, text, as_json=as_json)
 
 
 def _decided(case: "Case", answer: "Answer") -> "Judgement":
@@ -166,11 +163,7 @@ def _decided(case: "Case", answer: "Answer") -> "Judgement":
     try:
         return decide(case, answer)
     except UnconfirmedAnswerError as doubt:
-        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-            raise UsageError(doubt.statement, advice="nothing was written; add --yes to confirm") from doubt
-        if not typer.confirm(f"{sanitize(doubt.statement)}. Confirm?", err=True):
-            typer.echo("nothing was written", err=True)
-            raise typer.Exit(1) from doubt
+        confirm(doubt.statement, f"{sanitize(doubt.statement)}. Confirm?", "nothing was written")
         return decide(case, replace(answer, is_confirmed=True))
 
 
@@ -182,22 +175,8 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     with open_record(place.database_url) as engine:
         pending = pending_episodes(engine)
     if as_json:
-        pending_fields = [
-            {
-                "id": episode.id,
-                "model": episode.model,
-                "robot": episode.robot,
-                "goal": episode.goal,
-                "start": episode.start,
-                "repetition": episode.repetition,
-                "origin": episode.origin,
-                "proposal": episode.proposal,
-                "proposed_success": episode.proposed_success,
-                "ended_at": episode.ended_at.isoformat(),
-            }
-            for episode in pending
-        ]
-        print_json(pending_fields)
+        fields = [asdict(episode) for episode in pending]
+        print_json([{name: value for name, value in each.items() if name != "end_reason"} for each in fields])
         return
     if not pending:
         typer.echo("no episode awaits judgement", err=True)

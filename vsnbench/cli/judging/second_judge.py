@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from vsnbench.cli.support.output import print_json
+from vsnbench.cli.support.output import print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 
@@ -75,11 +75,9 @@ def _answer(place: "ResultsDirectory", rater: str, number: int, answer: "Answer 
         outcome, words = decide_second(case, answer)
         with Journal.open(place.database_url) as journal:
             journal.judge_second(number, rater, outcome, words)
-    if as_json:
-        print_json({"id": number, "rater": rater, "outcome": outcome, "text": words})
-        return
     result = words if outcome is None else f"{outcome} ({words})"
-    typer.echo(f"episode {number}, second judgement by {safe(rater)}: {safe(result)}")
+    text = f"episode {number}, second judgement by {safe(rater)}: {safe(result)}"
+    print_result({"id": number, "rater": rater, "outcome": outcome, "text": words}, text, as_json=as_json)
 
 
 def _serve(place: "ResultsDirectory", rater: str, options: SecondOptions, *, as_json: bool) -> None:
@@ -98,11 +96,9 @@ def _serve(place: "ResultsDirectory", rater: str, options: SecondOptions, *, as_
         answered, total = len(rating.answers()), len(rating.codes)
         key = SessionKey.stored(f"second {place.path.resolve()} {rater} {options.port}")
         with WebServer(SecondJudgementApp(rating).routes(), key, port=options.port) as server:
-            if as_json:
-                address = {"address": server.addresses[0]}
-                print_json({"rater": rater, "episodes": total, "answered": answered, **address})
-            else:
-                typer.echo(server.addresses[0])
+            (address, *_) = server.addresses
+            fields = {"rater": rater, "episodes": total, "answered": answered, "address": address}
+            print_result(fields, address, as_json=as_json)
             own = f"; {rating.own_episodes} left out that {rater} judged or attended" if rating.own_episodes else ""
             typer.echo(
                 f"{answered} of {total} episodes answered{own}; Ctrl-C to stop, the same command resumes", err=True

@@ -1,6 +1,5 @@
 """`vsnbench db`: location, state, upgrade, backup and merge of the results database."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -9,8 +8,8 @@ import typer
 
 from vsnbench.cli.support.listing import ListColumn, print_list
 from vsnbench.cli.support.lists import split_numbers
-from vsnbench.cli.support.options import Database, Results, results_directory
-from vsnbench.cli.support.output import Json, is_quiet, print_files, print_json
+from vsnbench.cli.support.options import Database, Results, open_results, results_directory
+from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
@@ -32,10 +31,7 @@ def path(results: Results = None, db: Database = None, as_json: Json = False) ->
     place = results_directory(results, db)
     file = sqlite_path(place.database_url)
     where = str(file.resolve()) if file else place.database_label
-    if as_json:
-        print_json({"database": where})
-    else:
-        typer.echo(where)
+    print_result({"database": where}, where, as_json=as_json)
 
 
 @app.command()
@@ -123,12 +119,10 @@ def upgrade(results: Results = None, db: Database = None, as_json: Json = False)
     engine = open_engine(place.database_url)
     before = migrate(engine)
     engine.dispose()
-    if as_json:
-        print_json({"database": place.database_label, "schema_before": before.current, "schema": before.head})
-    elif before.up_to_date:
-        typer.echo(f"{place.database_label} is up to date (schema {before.head})")
-    else:
-        typer.echo(f"{place.database_label}: schema {before.current or 'none'} -> {before.head}")
+    fields = {"database": place.database_label, "schema_before": before.current, "schema": before.head}
+    change = f": schema {before.current or 'none'} -> {before.head}"
+    text = f" is up to date (schema {before.head})" if before.up_to_date else change
+    print_result(fields, place.database_label + text, as_json=as_json)
 
 
 @app.command()
@@ -149,10 +143,8 @@ def backup(
     place = results_directory(results, db)
     copy(place.database_url, target)
     size = target.stat().st_size
-    if as_json:
-        print_files([target], as_json=True, size_bytes=size)
-    else:
-        typer.echo(f"{target}  ({size / 1e6:.1f} MB)")
+    fields = {"files": [str(target)], "size_bytes": size}
+    print_result(fields, f"{target}  ({size / 1e6:.1f} MB)", as_json=as_json)
 
 
 @app.command()
@@ -171,12 +163,9 @@ def restore(
     place = results_directory(results, db)
     place.prepare()
     kept = replace(place.database_url, source, place.path)
-    if as_json:
-        print_json({"database": place.database_label, "restored": str(source), "kept": str(kept) if kept else None})
-        return
-    typer.echo(f"restored {place.database_label} from {source}")
-    if kept:
-        typer.echo(f"previous database: {kept}")
+    fields = {"database": place.database_label, "restored": str(source), "kept": str(kept) if kept else None}
+    previous = f"\nprevious database: {kept}" if kept else ""
+    print_result(fields, f"restored {place.database_label} from {source}{previous}", as_json=as_json)
 
 
 @app.command()
@@ -253,10 +242,8 @@ def remove_import(
     provenance = gather_provenance()
     with Journal.open(results_directory(results, db).database_url, provenance) as journal:
         number = journal.withdraw_import(campaign, author=provenance.operator, note=note)
-    if as_json:
-        print_json({"campaign": campaign, "void_episodes": number})
-        return
-    typer.echo(f"{number} episodes of campaign {campaign} are void; `vsnbench judge` can restore single ones")
+    text = f"{number} episodes of campaign {campaign} are void; `vsnbench judge` can restore single ones"
+    print_result({"campaign": campaign, "void_episodes": number}, text, as_json=as_json)
 
 
 @app.command("delete")
@@ -282,7 +269,6 @@ def delete_(
     Example: [bold]vsnbench db delete --episode 3,7-9 --reason "a visitor is recognisable"[/bold]
     """
     from vsnbench.results.schema.engine import reading, transaction
-    from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.deletion import delete_for_good, plan_deletion
     from vsnbench.results.writing.provenance import gather_provenance
 
@@ -292,20 +278,13 @@ def delete_(
         raise UsageError("nothing to delete", advice="give --episode or --campaign", code="no-episode")
     if not reason.strip():
         raise UsageError("no reason given", advice='add --reason "..."; it stays in the record', code="no-reason")
-    place = results_directory(results, db)
-    with open_record(place.database_url) as engine, transaction(reading(engine)) as connection:
+    with open_results(results, db) as (place, engine), transaction(reading(engine)) as connection:
         plan = plan_deletion(connection, episodes, campaigns)
     what = counted(len(plan.episodes), "episode")
     if plan.campaigns:
         what += f" and {counted(len(plan.campaigns), 'campaign')}"
     if not yes:
-        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-            raise UsageError(f"{what} would be deleted", advice="nothing was deleted; add --yes to confirm")
-        if not typer.confirm(f"Delete {what} for good?", err=True):
-            typer.echo("nothing was deleted", err=True)
-            raise typer.Exit(1)
+        confirm(f"{what} would be deleted", f"Delete {what} for good?", "nothing was deleted")
     plan, aside = delete_for_good(place, episodes, campaigns, author=gather_provenance().operator, reason=reason)
-    if as_json:
-        print_json({"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)})
-        return
-    typer.echo(f"deleted {what}; backup and images: {aside}")
+    fields = {"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)}
+    print_result(fields, f"deleted {what}; backup and images: {aside}", as_json=as_json)

@@ -8,7 +8,7 @@ import typer
 
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Goals, Models, Results, results_directory
+from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.cli.support.terminal import page, safe
 from vsnbench.errors import UsageError
@@ -69,7 +69,6 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.results.annotations import read_tag
     from vsnbench.results.reading.queries import count_episodes, list_episodes
     from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
-    from vsnbench.results.schema.migrate import open_record
 
     if outcome and outcome not in OUTCOMES:
         raise UsageError(f"unknown outcome {outcome!r}", advice=f"use one of {', '.join(OUTCOMES)}")
@@ -82,7 +81,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         note=note,
     )
     maximum = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
-    with open_record(results_directory(results, db).database_url) as engine:
+    with open_results(results, db) as (_, engine):
         episodes = list_episodes(engine, selected, maximum)
         if not episodes:
             _refuse_unknown(engine, selected)
@@ -171,10 +170,8 @@ def show(
     from vsnbench.cli.results.episode_page import print_page
     from vsnbench.report.analysis.courses import measures_of
     from vsnbench.results.reading.queries import episode_details, episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
-    place = results_directory(results, db)
-    with open_record(place.database_url) as engine:
+    with open_results(results, db) as (place, engine):
         details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
         measures = measures_of(engine, details)
     directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.options import Database, Results, results_directory
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_result
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -52,13 +52,11 @@ def ros4vsn(
             start=start,
         )
     pictures = sum(len(episode.pictures) for episode in episodes)
-    if as_json:
-        print_json({"campaign": campaign, "episodes": list(numbers), "pictures": pictures})
-        return
-    typer.echo(
+    text = (
         f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}, {pictures} pictures; "
         f"they await judgement: vsnbench judge --pending{target.options}"
     )
+    print_result({"campaign": campaign, "episodes": numbers, "pictures": pictures}, text, as_json=as_json)
 
 
 @app.command()
@@ -95,7 +93,5 @@ def habitat(
     target.prepare()
     with Journal.open(target.database_url) as journal:
         campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file, protocol=protocol)
-    if as_json:
-        print_json({"campaign": campaign, "episodes": list(numbers)})
-    else:
-        typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
+    text = f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}"
+    print_result({"campaign": campaign, "episodes": numbers}, text, as_json=as_json)

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results, results_directory
+from vsnbench.cli.support.options import Database, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.errors import UsageError
 from vsnbench.text.number_ranges import read_numbers
@@ -33,7 +33,6 @@ def command(
     """
     from vsnbench.results.annotations import read_annotation, tags_of
     from vsnbench.results.schema.engine import reading, transaction
-    from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
     from vsnbench.results.writing.provenance import gather_provenance
 
@@ -43,9 +42,8 @@ def command(
         raise UsageError(
             "nothing to add", advice="give a text, --tag or --untag, like `vsnbench note 17 --tag chair-moved`"
         )
-    place, provenance = results_directory(results, db), gather_provenance()
-    with open_record(place.database_url):  # refuses a missing record, which the journal would create
-        pass
+    with open_results(results, db) as (place, _):  # refuses a missing record, which the journal would create
+        provenance = gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
         journal.annotate(numbers, annotation, author=provenance.operator)
         with transaction(reading(journal.engine)) as connection:
