@@ -88,20 +88,11 @@ def check(
 
     faults = protocol_file_faults(file)
     if as_json:
-        print_json(
-            {
-                "file": file,
-                "faults": [
-                    {
-                        "line": fault.line,
-                        "field": ".".join(map(str, fault.path)),
-                        "problem": fault.problem,
-                        "code": fault.code,
-                    }
-                    for fault in faults
-                ],
-            }
-        )
+        found = [
+            {"line": fault.line, "field": ".".join(map(str, fault.path)), "problem": fault.problem, "code": fault.code}
+            for fault in faults
+        ]
+        print_json({"file": file, "faults": found})
     else:
         for fault in faults:
             typer.echo(f"error: {fault}")

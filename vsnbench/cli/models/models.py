@@ -1,6 +1,7 @@
 """`vsnbench models`: create, list, show, check, serve and fetch models."""
 
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,9 +9,9 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from vsnbench.cli.models.cards import card_json, card_rows, comparison_json, comparison_rows
+from vsnbench.cli.models.cards import card_json, card_rows
 from vsnbench.cli.models.fetching import fetch
-from vsnbench.cli.models.serving import check_against_contract, check_served, serve
+from vsnbench.cli.models.serving import check_against_contract, print_findings, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Protocol
 from vsnbench.cli.support.output import Json, print_files, print_json
@@ -171,6 +172,7 @@ def check(
         vsnbench models check ws://127.0.0.1:8765
         vsnbench models check vlv --robot turtlebot4
     """
+    from vsnbench.models.camera_fit import camera_differences
     from vsnbench.models.description import describe_model
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
@@ -179,12 +181,14 @@ def check(
 
     parameters, profile = load_protocol(protocol), profile_of(robot)
     if name.startswith(("ws://", "wss://")):
-        check_served(name, model_config, parameters, profile, as_json=as_json)
+        from vsnbench.models.remote.checking import check_server
+
+        print_findings(check_server(name, model_config, parameters, profile), as_json=as_json)
         return
     if not describe_model(name).can_check:
         given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
         options = {option: value for option, value in given.items() if value is not None}
-        check_against_contract(name, options, parameters, profile, as_json=as_json)
+        print_findings(check_against_contract(name, options, parameters, profile), as_json=as_json)
         return
     _, factory = locate(name)
     report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
@@ -192,7 +196,10 @@ def check(
     if card is not None:
         warn_of_assumptions(card, parameters)
     if as_json:
-        print_json({**_check_json(report), **card_json(card), **comparison_json(card, profile)})
+        compared = None
+        if card is not None and card.camera is not None and profile is not None:
+            compared = [asdict(difference) for difference in camera_differences(card, profile.camera)]
+        print_json({**_check_json(report), **card_json(card), "camera_differences": compared})
     else:
         _print_check(report, card, profile)
 
@@ -276,7 +283,7 @@ def _print_check(report: "ModelCheck", card: "ModelCard | None", profile: "Robot
     grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
     for fact, value in report.facts.items():
         grid.add_row(fact.replace("_", " "), _fact_text(value))
-    for row in (*card_rows(card), *comparison_rows(card, profile)):
+    for row in card_rows(card, profile):
         grid.add_row(*row)
     grid.add_row("engine", report.chosen_engine)
     grid.add_row("parity", _parity_text(report))

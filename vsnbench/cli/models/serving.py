@@ -100,29 +100,10 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error
 
 
-def check_served(
-    url: str,
-    model_config: Path | None,
-    parameters: "ProtocolParameters",
-    profile: "RobotProfile | None",
-    *,
-    as_json: bool,
-) -> None:
-    """Check a model server and print the results; exit code 1 if a check fails."""
-    from vsnbench.models.remote.checking import check_server
-
-    print_findings(check_server(url, model_config, parameters, profile), as_json=as_json)
-
-
 def check_against_contract(
-    name: str,
-    options: dict[str, Any],
-    parameters: "ProtocolParameters",
-    profile: "RobotProfile | None",
-    *,
-    as_json: bool,
-) -> None:
-    """Check a policy in this process and print the results; exit code 1 if a check fails."""
+    name: str, options: dict[str, Any], parameters: "ProtocolParameters", profile: "RobotProfile | None"
+) -> "tuple[ContractFinding, ...]":
+    """Check a policy in this process."""
     from vsnbench.models.contract_check import camera_findings, check_policy
     from vsnbench.models.process_exit import process_exit_refused
     from vsnbench.models.registry import create_policy
@@ -137,10 +118,9 @@ def check_against_contract(
                     advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
                 )
             warn_of_assumptions(policy.card, parameters)
-            findings = (*check_policy(policy), *camera_findings(policy, profile))
+            return (*check_policy(policy), *camera_findings(policy, profile))
         finally:
             close_policy(policy)
-    print_findings(findings, as_json=as_json)
 
 
 def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
