@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-from vsnbench.cli.support.options import Database, Results, results_directory
+from vsnbench.cli.support.options import Database, Results, options_under, results_directory
 from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
@@ -18,35 +18,23 @@ if TYPE_CHECKING:
     from vsnbench.runner.judging.decision import Answer
     from vsnbench.runner.operator.contract import Judgement
 
-_ANSWER = "Judgement (one of these)"
-_SECOND = "Blind second judgement"
+_answer_option = options_under("Judgement (one of these)")
+_second_option = options_under("Blind second judgement")
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     number: Annotated[int | None, typer.Argument(help="Number of the episode.", min=1)] = None,
     distance: Annotated[
         str | None,
-        typer.Option(
-            "--distance",
-            help="Distance to the nearest goal instance by tape measure, in metres.",
-            rich_help_panel=_ANSWER,
-        ),
+        _answer_option("--distance", help="Distance to the nearest goal instance by tape measure, in metres."),
     ] = None,
     collision: Annotated[
-        str | None,
-        typer.Option(
-            "--collision", help="Object that the robot touched without detecting it.", rich_help_panel=_ANSWER
-        ),
+        str | None, _answer_option("--collision", help="Object that the robot touched without detecting it.")
     ] = None,
     void: Annotated[
-        str | None,
-        typer.Option(
-            "--void", help="Reason why the episode is not a result; its trial runs again.", rich_help_panel=_ANSWER
-        ),
+        str | None, _answer_option("--void", help="Reason why the episode is not a result; its trial runs again.")
     ] = None,
-    confirm: Annotated[
-        bool, typer.Option("--confirm", help="Accept the proposed verdict.", rich_help_panel=_ANSWER)
-    ] = False,
+    confirm: Annotated[bool, _answer_option("--confirm", help="Accept the proposed verdict.")] = False,
     note: Annotated[str, typer.Option("--note", help="Note for the record.")] = "",
     yes: Annotated[
         bool,
@@ -57,30 +45,21 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     pending: Annotated[bool, typer.Option("--pending", help="List episodes that await judgement.")] = False,
     second: Annotated[
         str | None,
-        typer.Option(
+        _second_option(
             "--second",
             metavar="RATER",
             help="Judge as a second person, without the first verdict and the model's name. Without an episode: in a "
             "browser.",
-            rich_help_panel=_SECOND,
         ),
     ] = None,
     sample: Annotated[
-        int | None,
-        typer.Option(
-            "--sample", min=1, show_default="all", help="Number of episodes, drawn at random.", rich_help_panel=_SECOND
-        ),
+        int | None, _second_option("--sample", min=1, show_default="all", help="Number of episodes, drawn at random.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of sample and order.", rich_help_panel=_SECOND)] = 0,
+    seed: Annotated[int, _second_option("--seed", help="Seed of sample and order.")] = 0,
     port: Annotated[
-        int,
-        typer.Option(
-            "--port", min=0, max=65535, help="Port of the page; 0 for any free port.", rich_help_panel=_SECOND
-        ),
+        int, _second_option("--port", min=0, max=65535, help="Port of the page; 0 for any free port.")
     ] = 8730,
-    retract: Annotated[
-        bool, typer.Option("--retract", help="Retract the rater's answer.", rich_help_panel=_SECOND)
-    ] = False,
+    retract: Annotated[bool, _second_option("--retract", help="Retract the rater's answer.")] = False,
     as_json: Json = False,
     results: Results = None,
     db: Database = None,

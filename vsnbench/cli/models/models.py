@@ -13,10 +13,10 @@ from vsnbench.cli.models.cards import card_json, card_rows
 from vsnbench.cli.models.fetching import fetch
 from vsnbench.cli.models.serving import check_against_contract, print_findings, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
-from vsnbench.cli.support.options import Protocol
+from vsnbench.cli.support.options import Protocol, configured_option
 from vsnbench.cli.support.output import Json, print_files, print_json
 from vsnbench.cli.support.terminal import safe
-from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT
 from vsnbench.errors import ModelError
 from vsnbench.text.terminal import Console
 
@@ -147,12 +147,8 @@ def check(
     protocol: Protocol = BUILT_IN_PROTOCOL,
     robot: Annotated[
         str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="Robot whose camera is compared with the one that the model was trained with.",
+        configured_option(
+            "robot", "-r", help="Robot whose camera is compared with the one that the model was trained with."
         ),
     ] = BUILT_IN_ROBOT,
     as_json: Json = False,

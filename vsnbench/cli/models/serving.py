@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.support.options import options_under
 from vsnbench.cli.support.output import print_json
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import sanitize
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.values.robot_profile import RobotProfile
 
-_ADDRESS = "Address"
+_address_option = options_under("Address")
 
 
 def serve(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -24,23 +25,14 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         str | None, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")
     ] = None,
     host: Annotated[
-        str,
-        typer.Option(
-            "--host", help="Address to listen on; others than loopback need $VSNBENCH_TOKEN.", rich_help_panel=_ADDRESS
-        ),
+        str, _address_option("--host", help="Address to listen on; others than loopback need $VSNBENCH_TOKEN.")
     ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port; 0 for any free port.", rich_help_panel=_ADDRESS)
-    ] = 8765,
+    port: Annotated[int, _address_option("--port", min=0, max=65535, help="Port; 0 for any free port.")] = 8765,
     unix_path: Annotated[
-        Path | None, typer.Option("--unix-path", help="Socket file instead of host and port.", rich_help_panel=_ADDRESS)
+        Path | None, _address_option("--unix-path", help="Socket file instead of host and port.")
     ] = None,
-    certificate: Annotated[
-        Path | None, typer.Option("--certificate", help="PEM file for wss://.", rich_help_panel=_ADDRESS)
-    ] = None,
-    key: Annotated[
-        Path | None, typer.Option("--key", help="PEM file of the certificate's private key.", rich_help_panel=_ADDRESS)
-    ] = None,
+    certificate: Annotated[Path | None, _address_option("--certificate", help="PEM file for wss://.")] = None,
+    key: Annotated[Path | None, _address_option("--key", help="PEM file of the certificate's private key.")] = None,
     weights: Annotated[Path | None, typer.Option("--weights", "-w", help="File of the weights, or 'embedded'.")] = None,
     model_config: Annotated[
         Path | None, typer.Option("--model-config", help="YAML file of the model's settings.")

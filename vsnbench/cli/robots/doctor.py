@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results, results_directory
+from vsnbench.cli.support.options import Database, Results, configured_option, results_directory
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.config import BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.config import BUILT_IN_ROBOT
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,11 +22,9 @@ _STYLE = {"ok": "green", "warning": "yellow", "absent": "dim", "failed": "red"}
 def command(
     robot: Annotated[
         str | None,
-        typer.Option(
-            "--robot",
+        configured_option(
+            "robot",
             "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
             help="Robot: turtlebot2, lola2, turtlebot4 or the path of a profile. Without it: this machine alone.",
         ),
     ] = None,

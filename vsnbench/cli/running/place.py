@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results, RobotOrProfile, results_directory
+from vsnbench.cli.support.options import Database, Results, RobotOrProfile, configured_option, results_directory
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
 from vsnbench.errors import RobotError
 
 
@@ -15,13 +15,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     start: Annotated[int, typer.Option("--start", help="Number of the robot's starting position.")],
     robot: RobotOrProfile = BUILT_IN_ROBOT,
     site: Annotated[
-        str,
-        typer.Option(
-            "--site",
-            envvar=VARIABLE_OF["site"],
-            show_envvar=False,
-            help="Embedded site, path of a site file, or flat:N (a generated flat).",
-        ),
+        str, configured_option("site", help="Embedded site, path of a site file, or flat:N (a generated flat).")
     ] = BUILT_IN_SITE,
     turn: Annotated[
         bool, typer.Option("--turn", help="Turn once on the spot and measure from images all around.")

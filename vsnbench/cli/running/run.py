@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.options import (
-    EXECUTION_PANEL,
     Console,
     Database,
     Disturb,
@@ -15,6 +14,7 @@ from vsnbench.cli.support.options import (
     Rehearse,
     Results,
     Unattended,
+    execution_option,
     fit_of,
     operator_page,
     requested_workers,
@@ -24,7 +24,6 @@ from vsnbench.cli.support.options import (
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
 from vsnbench.cli.support.trial_options import (
-    MODEL_PANEL,
     Goal,
     Keep,
     MaxSteps,
@@ -38,6 +37,7 @@ from vsnbench.cli.support.trial_options import (
     Starts,
     Weights,
     Workers,
+    model_option,
     model_options,
     models_of,
     seeds_of,
@@ -69,26 +69,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     unattended: Unattended = False,
     console: Console = None,
     workers: Workers = "auto",
-    fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="Stop at the first void episode.", rich_help_panel=EXECUTION_PANEL)
-    ] = False,
+    fail_fast: Annotated[bool, execution_option("--fail-fast", help="Stop at the first void episode.")] = False,
     watch: Annotated[
-        bool,
-        typer.Option(
-            "--watch",
-            help="Repeat the run when the model's files change; results are discarded.",
-            rich_help_panel=EXECUTION_PANEL,
-        ),
+        bool, execution_option("--watch", help="Repeat the run when the model's files change; results are discarded.")
     ] = False,
     weights: Weights = None,
     model_config: ModelConfig = None,
     isolate: Annotated[
         str | None,
-        typer.Option(
-            "--isolate",
-            metavar="[PYTHON]",
-            help="Own process for the model, with another Python interpreter if given.",
-            rich_help_panel=MODEL_PANEL,
+        model_option(
+            "--isolate", metavar="[PYTHON]", help="Own process for the model, with another Python interpreter if given."
         ),
     ] = None,
     results: Results = None,

@@ -3,15 +3,13 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from vsnbench.cli.support.lists import split_numbers
 from vsnbench.cli.support.options import (
-    EXECUTION_PANEL,
-    RECORD_PANEL,
     Database,
     Protocol,
     Results,
+    execution_option,
+    record_option,
     requested_workers,
     results_directory,
     sites_of,
@@ -52,23 +50,18 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     max_steps: MaxSteps = None,
     disturb: Annotated[
         list[str] | None,
-        typer.Option(
+        execution_option(
             "--disturb",
             metavar="A,B",
             show_default="the standard set",
             help="Disturbances, each on its own: blur, glare, low_light, depth_holes, camera_height, camera_tilt, "
             "dropped_frames, odometry_drift, stale_frames, latency.",
-            rich_help_panel=EXECUTION_PANEL,
         ),
     ] = None,
     severity: Annotated[
         list[str] | None,
-        typer.Option(
-            "--severity",
-            metavar="N,N",
-            show_default="1,3,5",
-            help="Severities of each disturbance, from 1 to 5.",
-            rich_help_panel=EXECUTION_PANEL,
+        execution_option(
+            "--severity", metavar="N,N", show_default="1,3,5", help="Severities of each disturbance, from 1 to 5."
         ),
     ] = None,
     noise: Noise = False,
@@ -77,11 +70,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     model_config: ModelConfig = None,
     figure: Annotated[
         Path | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE",
-            help="File of a figure, success rate against severity: .svg, .pdf or .png.",
-            rich_help_panel=RECORD_PANEL,
+        record_option(
+            "--figure", metavar="FILE", help="File of a figure, success rate against severity: .svg, .pdf or .png."
         ),
     ] = None,
     keep: Keep = "",

@@ -10,10 +10,17 @@ import typer
 
 from vsnbench.cli.study import locked
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Rehearse, Results, SimulatedSite, results_directory
+from vsnbench.cli.support.options import (
+    Database,
+    Rehearse,
+    Results,
+    SimulatedSite,
+    configured_option,
+    results_directory,
+)
 from vsnbench.cli.support.output import Json, print_files, print_json
 from vsnbench.cli.support.terminal import page
-from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
 from vsnbench.errors import StudyError, UsageError
 
 app = typer.Typer(no_args_is_help=True)
@@ -52,12 +59,7 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
         typer.Option("--repetitions", min=1, max=1000, help="Repetitions of each goal from each starting position."),
     ] = 1,
     site: SimulatedSite = BUILT_IN_SITE,
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot", "-r", envvar=VARIABLE_OF["robot"], show_envvar=False, help="Robot, as for `vsnbench run`."
-        ),
-    ] = BUILT_IN_ROBOT,
+    robot: Annotated[str, configured_option("robot", "-r", help="Robot, as for `vsnbench run`.")] = BUILT_IN_ROBOT,
     seed: Annotated[
         int,
         typer.Option(
