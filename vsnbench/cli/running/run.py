@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.options import (
     Console,
     Database,
@@ -23,25 +24,6 @@ from vsnbench.cli.support.options import (
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
-from vsnbench.cli.support.trial_options import (
-    Goal,
-    Keep,
-    MaxSteps,
-    Model,
-    ModelConfig,
-    Noise,
-    Repetitions,
-    Robot,
-    Seed,
-    Site,
-    Starts,
-    Weights,
-    Workers,
-    model_option,
-    model_options,
-    models_of,
-    seeds_of,
-)
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 from vsnbench.errors import UsageError
 
@@ -54,36 +36,36 @@ if TYPE_CHECKING:
 @resumable()
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     context: typer.Context,
-    model: Model,
-    goal: Goal,
-    site: Site = None,
-    robot: Robot = BUILT_IN_ROBOT,
-    starts: Starts = None,
-    repetitions: Repetitions = 1,
-    seed: Seed = None,
+    model: trial.Model,
+    goal: trial.Goal,
+    site: trial.Site = None,
+    robot: trial.Robot = BUILT_IN_ROBOT,
+    starts: trial.Starts = None,
+    repetitions: trial.Repetitions = 1,
+    seed: trial.Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
-    max_steps: MaxSteps = None,
-    noise: Noise = False,
+    max_steps: trial.MaxSteps = None,
+    noise: trial.Noise = False,
     disturb: Disturb = None,
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
-    workers: Workers = "auto",
+    workers: trial.Workers = "auto",
     fail_fast: Annotated[bool, execution_option("--fail-fast", help="Stop at the first void episode.")] = False,
     watch: Annotated[
         bool, execution_option("--watch", help="Repeat the run when the model's files change; results are discarded.")
     ] = False,
-    weights: Weights = None,
-    model_config: ModelConfig = None,
+    weights: trial.Weights = None,
+    model_config: trial.ModelConfig = None,
     isolate: Annotated[
         str | None,
-        model_option(
+        trial.model_option(
             "--isolate", metavar="[PYTHON]", help="Own process for the model, with another Python interpreter if given."
         ),
     ] = None,
     results: Results = None,
     db: Database = None,
-    keep: Keep = "",
+    keep: trial.Keep = "",
     live: Live = False,
     as_json: Json = False,
 ) -> None:
@@ -111,7 +93,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     The same command resumes with the remaining trials.
     Each model, site and seed is a campaign of its own; several make a sweep.
     """
-    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
+    models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
     if watch:
         from vsnbench.cli.support.watching import run_and_watch
 
@@ -126,7 +108,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
-    options, act_timeout_s = model_options(models, weights, model_config, isolated=isolate is not None)
+    options, act_timeout_s = trial.model_options(models, weights, model_config, isolated=isolate is not None)
     page = operator_page(console)
     request = RunRequest(
         model=models[0],

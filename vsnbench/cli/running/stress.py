@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
+from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.lists import split_numbers
 from vsnbench.cli.support.options import (
     Database,
@@ -16,38 +17,20 @@ from vsnbench.cli.support.options import (
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, resumable
-from vsnbench.cli.support.trial_options import (
-    Goal,
-    Keep,
-    MaxSteps,
-    Model,
-    ModelConfig,
-    Noise,
-    Repetitions,
-    Robot,
-    Seed,
-    Site,
-    Starts,
-    Weights,
-    Workers,
-    model_options,
-    models_of,
-    seeds_of,
-)
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 
 
 @resumable()
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
-    model: Model,
-    goal: Goal,
-    site: Site = None,
-    robot: Robot = BUILT_IN_ROBOT,
-    starts: Starts = None,
-    repetitions: Repetitions = 1,
-    seed: Seed = None,
+    model: trial.Model,
+    goal: trial.Goal,
+    site: trial.Site = None,
+    robot: trial.Robot = BUILT_IN_ROBOT,
+    starts: trial.Starts = None,
+    repetitions: trial.Repetitions = 1,
+    seed: trial.Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
-    max_steps: MaxSteps = None,
+    max_steps: trial.MaxSteps = None,
     disturb: Annotated[
         list[str] | None,
         execution_option(
@@ -64,17 +47,17 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             "--severity", metavar="N,N", show_default="1,3,5", help="Severities of each disturbance, from 1 to 5."
         ),
     ] = None,
-    noise: Noise = False,
-    workers: Workers = "auto",
-    weights: Weights = None,
-    model_config: ModelConfig = None,
+    noise: trial.Noise = False,
+    workers: trial.Workers = "auto",
+    weights: trial.Weights = None,
+    model_config: trial.ModelConfig = None,
     figure: Annotated[
         Path | None,
         record_option(
             "--figure", metavar="FILE", help="File of a figure, success rate against severity: .svg, .pdf or .png."
         ),
     ] = None,
-    keep: Keep = "",
+    keep: trial.Keep = "",
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -104,8 +87,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
     check_figure(figure)
     check_robot(robot)
-    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
-    options, act_timeout_s = model_options(models, weights, model_config)
+    models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
+    options, act_timeout_s = trial.model_options(models, weights, model_config)
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
