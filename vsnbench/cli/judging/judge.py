@@ -89,12 +89,19 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     }
     answers = {option: Answer(kind, text, note) for option, (kind, text) in given.items() if text is not None}
     if second is not None:
-        from vsnbench.cli.judging.second_judge import SecondOptions, judge_second
+        from vsnbench.cli.judging.second_judge import answer_second, serve_second
 
         if pending or yes:
             raise UsageError(f"--second does not go with {'--pending' if pending else '--yes'}", advice="leave it out")
-        options = SecondOptions(sample, seed, port, retract)
-        judge_second(place, second, number, answers, options, as_json=as_json)
+        if number is None:
+            if answers or retract:
+                option = next(iter(answers), "--retract")
+                raise UsageError(f"{option} needs an episode", advice="give its number, or leave it out for the page")
+            serve_second(place, second, sample=sample, seed=seed, port=port, as_json=as_json)
+            return
+        if sample is not None:
+            raise UsageError("--sample is for the page", advice="leave out the number of the episode")
+        answer_second(place, second, number, tuple(answers.values()), retract=retract, as_json=as_json)
         return
     if sample is not None or retract:
         raise UsageError(f"{'--retract' if retract else '--sample'} goes with --second RATER")

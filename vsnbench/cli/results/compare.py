@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.results.report import print_tables_as
 from vsnbench.cli.support.lists import split_list, split_numbers
 from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites, results_directory
 from vsnbench.cli.support.output import Json
-from vsnbench.cli.support.terminal import page
 
 if TYPE_CHECKING:
     from vsnbench.report.analysis.episodes_frame import ReportData
@@ -88,12 +88,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         )
         record = read(place.database_url, selection, place.path)
     summarised = summarise(record)
-    if place is not None:
-        record = _with_courses(record, [find_condition(name, summarised, published) for name in models], place)
-    found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
+    if place is not None:
+        record = _with_courses(record, summaries, place)
+    found = compare(record, summarised, models, by_goal=by_goal, published=published)
     form = Format.JSON if as_json else form
-    _print_comparisons(form.value, found, ranking_of(summaries, found), summaries, record)
+    _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)
 
 
 def _with_courses(
@@ -115,7 +115,7 @@ def _with_courses(
 
 
 def _print_comparisons(
-    form: str,
+    form: Format,
     comparisons: "Sequence[Comparison]",
     ranking: "Ranking | None",
     summaries: "Sequence[ConditionSummary]",
@@ -124,7 +124,7 @@ def _print_comparisons(
     """Print comparisons as tables, or with the results of the models as one JSON object."""
     from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
 
-    if form == "json":
+    if form is Format.JSON:
         from vsnbench.report.analysis.summary import Results
         from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
         from vsnbench.report.formats.json import model_fields
@@ -139,13 +139,4 @@ def _print_comparisons(
         typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
         return
     tables = [ranking_table(ranking)] if ranking else []
-    tables += [table for comparison in comparisons for table in comparison_tables(comparison)]
-    if form == "table":
-        from vsnbench.report.tables.report_table import print_tables
-
-        print_tables(tables, page())
-        return
-    from vsnbench.report.formats.latex import latex
-    from vsnbench.report.formats.markdown import markdown
-
-    typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)
+    print_tables_as(form, [*tables, *(table for comparison in comparisons for table in comparison_tables(comparison))])

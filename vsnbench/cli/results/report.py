@@ -18,7 +18,6 @@ from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.report.analysis.conditions import Selection
-    from vsnbench.report.analysis.summary import Results as Numbers
     from vsnbench.report.build import Report
     from vsnbench.report.figures.style import Drawing
     from vsnbench.report.tables.report_table import ReportTable
@@ -103,10 +102,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             advice=f"--output {output.with_suffix('')}/",
         )
     if only_reference:
-        from vsnbench.report.analysis.published import published_results
-        from vsnbench.report.tables.reference import reference_tables
-
-        _print_tables_as(form.value, reference_tables(), published_results())
+        _print_reference(form)
         return
     selection = Selection(
         models=split_list(model),
@@ -129,7 +125,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         # Activity takes seconds to read: JSON has all results, a table on the terminal must appear at once.
         activity = all_tables or form is Format.JSON
         report = build(place.database_url, selection, place.path, reference=with_paper, activity=activity)
-        _print_report(form.value, report, long=all_tables)
+        _print_report(form, report, long=all_tables)
 
 
 def _write_website(
@@ -150,45 +146,48 @@ def _write_website(
     sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")
 
 
-def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
+def _print_report(form: Format, report: "Report", *, long: bool) -> None:
     """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
     from vsnbench.report.analysis.published import published_results
+    from vsnbench.report.formats.csv import to_csv
+    from vsnbench.report.formats.json import to_json
 
     results = report.results
     if report.reference:
         results = replace(results, conditions=(*results.conditions, *published_results().conditions))
-    if form == "json":
-        from vsnbench.report.formats.json import to_json
-
-        typer.echo(
-            to_json(results, report.questions, report.activity, report.record, report.operator_activity, report.raters),
-            nl=False,
-        )
-        return
-    _print_tables_as(form, report.tables(long=long), results)
+    if form is Format.JSON:
+        read = (report.questions, report.activity, report.record, report.operator_activity, report.raters)
+        typer.echo(to_json(results, *read), nl=False)
+    elif form is Format.CSV:
+        typer.echo(to_csv(results), nl=False)
+    else:
+        print_tables_as(form, report.tables(long=long))
 
 
-def _print_tables_as(form: str, tables: "list[ReportTable]", results: "Numbers") -> None:
-    """Print tables as `table`, `markdown` or `latex`, or the results in them as `json` or `csv`."""
-    if form == "table":
-        from vsnbench.report.tables.report_table import print_tables
-
-        print_tables(tables, page())
-        return
-    typer.echo(_text(form, tables, results), nl=False)
-
-
-def _text(form: str, tables: "list[ReportTable]", results: "Numbers") -> str:
+def _print_reference(form: Format) -> None:
+    """Print the tables of the paper, or the results in them as JSON or CSV."""
+    from vsnbench.report.analysis.published import published_results
     from vsnbench.report.formats.csv import to_csv
     from vsnbench.report.formats.json import to_json
+    from vsnbench.report.tables.reference import reference_tables
+
+    if form in (Format.JSON, Format.CSV):
+        write = to_json if form is Format.JSON else to_csv
+        typer.echo(write(published_results()), nl=False)
+    else:
+        print_tables_as(form, reference_tables())
+
+
+def print_tables_as(form: str, tables: "Sequence[ReportTable]") -> None:
+    """Print tables as `table`, `markdown` or `latex`."""
     from vsnbench.report.formats.latex import latex
     from vsnbench.report.formats.markdown import markdown
+    from vsnbench.report.tables.report_table import print_tables
 
-    if form == "json":
-        return to_json(results)
-    if form == "csv":
-        return to_csv(results)
-    return markdown(tables) if form == "markdown" else latex(tables)
+    if form == "table":
+        print_tables(tables, page())
+    else:
+        typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)
 
 
 def _write_or_serve(

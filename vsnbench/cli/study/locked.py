@@ -1,6 +1,5 @@
 """Commands for a locked study: run, status, amend, unblind, report."""
 
-import sys
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,7 @@ import typer
 from vsnbench.cli.study.report import StudyFormat
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list
 from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.config import load_config
 from vsnbench.errors import StudyError, UsageError
@@ -19,17 +18,11 @@ if TYPE_CHECKING:
     from vsnbench.cli.study.file import OpenedStudy
 
 File = Annotated[Path, typer.Argument(help="Path of the study file.")]
-_DEFAULT = Path("study.yaml")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `vsnbench study`."""
-    for function in (run, status, amend, unblind, report):
-        app.command()(function)
+DEFAULT_FILE = Path("study.yaml")
 
 
 def run(  # noqa: PLR0913 - Typer needs a parameter per option
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     only_next: Annotated[bool, typer.Option("--only-next", help="Stop after one trial.")] = False,
     until: Annotated[
         str, typer.Option("--until", metavar="HH:MM", help="Time of day from which no trial starts (local time).")
@@ -75,7 +68,7 @@ def _next_time(text: str) -> datetime | None:
     return then if then > now else then + timedelta(days=1)
 
 
-def status(file: File = _DEFAULT, results: Results = None, db: Database = None, as_json: Json = False) -> None:
+def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Show the progress of a study, and changes since it was locked.
 
     [bold]vsnbench study status study.yaml[/bold]
@@ -120,8 +113,13 @@ def _print_warnings(study: "OpenedStudy") -> None:
         typer.echo(f"vsnbench: warning: {warning}", err=True)
 
 
+def _check_reason(reason: str, act: str) -> None:
+    if not reason.strip():
+        raise UsageError("no reason given", advice=f"give the reason for {act} with --reason; the report has it")
+
+
 def amend(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     reason: Annotated[str, typer.Option("--reason", help="Reason for the change; printed in the report.")] = "",
     results: Results = None,
     db: Database = None,
@@ -139,8 +137,7 @@ def amend(
     from vsnbench.study.file import parse_study, read_text
     from vsnbench.study.lock import changes, check_amendment, sha256_of
 
-    if not reason.strip():
-        raise UsageError("no reason given", advice="give the reason for the change with --reason; the report has it")
+    _check_reason(reason, "the change")
     study = open_study(file, results, db)
     text = read_text(file)
     if study.integrity.differences or study.lacks_note:
@@ -154,16 +151,14 @@ def amend(
         change = StudyChange(text, sha256_of(text), amended.title, reason.strip(), "\n".join(lines))
         journal.amend_study(study.recorded.id, change)
     write_lock_file(file, study.results, study.recorded.uuid)
-    if as_json:
-        print_json({"sha256": change.sha256, "reason": change.reason, "changes": lines})
-        return
-    for line in lines:
-        typer.echo(line)
-    typer.echo("amended; the report lists the change", err=True)
+    fields = {"sha256": change.sha256, "reason": change.reason, "changes": lines}
+    print_result(fields, "\n".join(lines), as_json=as_json)
+    if not as_json:
+        typer.echo("amended; the report lists the change", err=True)
 
 
 def unblind(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     reason: Annotated[str, typer.Option("--reason", help="Reason for unblinding; printed in the report.")] = "",
     results: Results = None,
     db: Database = None,
@@ -178,25 +173,22 @@ def unblind(
     from vsnbench.results.studies.queries import trials_of
     from vsnbench.results.writing.journal import Journal
 
-    if not reason.strip():
-        raise UsageError("no reason given", advice="give the reason for unblinding with --reason; the report has it")
+    _check_reason(reason, "unblinding")
     study = open_study(file, results, db)
     with Journal.open(study.results.database_url) as journal:
         trials = trials_of(journal.engine, study.recorded.id)
         journal.unblind_study(study.recorded.id, reason.strip())
     remove_blind_copies(study.results, study.recorded.uuid)
-    if as_json:
-        print_json({"arms": {arm.code: arm.name for arm in study.recorded.arms}})
-    for arm in study.recorded.arms if not as_json else ():
-        typer.echo(f"arm {arm.code} is {arm.name}")
+    arms = {arm.code: arm.name for arm in study.recorded.arms}
+    text = "\n".join(f"arm {code} is {name}" for code, name in arms.items())
+    print_result({"arms": arms}, text, as_json=as_json)
     early = any(trial.left for trial in trials) and not any(entry.kind == OVER for entry in study.recorded.entries)
     if early:
         typer.echo("vsnbench: warning: trials are left; the report marks the unblinding as early", err=True)
-    sys.stdout.flush()
 
 
 def report(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     form: Annotated[StudyFormat, typer.Option("--format", "-f", help="Output format on stdout.")] = StudyFormat.TABLE,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Directory for the report in every format.")

@@ -2,13 +2,13 @@
 
 import sys
 from enum import StrEnum
-from pathlib import Path
 from shlex import quote
 from typing import Annotated
 
 import typer
 
 from vsnbench.cli.study import locked
+from vsnbench.cli.study.locked import DEFAULT_FILE, File
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import (
     Database,
@@ -25,9 +25,6 @@ from vsnbench.errors import StudyError, UsageError
 
 app = typer.Typer(no_args_is_help=True)
 
-File = Annotated[Path, typer.Argument(help="Path of the study file.")]
-_DEFAULT = Path("study.yaml")
-
 
 class StoppingChoice(StrEnum):
     """When a study ends."""
@@ -38,7 +35,7 @@ class StoppingChoice(StrEnum):
 
 @app.command()
 def new(  # noqa: PLR0913 - Typer needs a parameter per option
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     title: Annotated[str, typer.Option("--title", help="Title, without names of models; operators see it.")] = "",
     question: Annotated[str, typer.Option("--question", help="Question of the study.")] = "",
     arm: Annotated[
@@ -146,7 +143,7 @@ def _arm_name(model: str) -> str:
 
 
 @app.command()
-def check(file: File = _DEFAULT, as_json: Json = False) -> None:
+def check(file: File = DEFAULT_FILE, as_json: Json = False) -> None:
     """Check a study file: its site, robot, models and goals.
 
     [bold]vsnbench study check study.yaml[/bold]
@@ -167,14 +164,9 @@ def check(file: File = _DEFAULT, as_json: Json = False) -> None:
             f"this design cannot show a difference: {place.design_error}; `study lock` refuses it without --force"
         )
     if as_json:
-        fields = {
-            "trials": trials,
-            "cells": cells,
-            "repetitions": study.repetitions,
-            "order": study.order,
-            "seed": study.seed,
-        }
-        print_json({"arms": arm_fields(arms), **fields, "stopping": study.stopping, "warnings": warnings})
+        size = {"trials": trials, "cells": cells, "repetitions": study.repetitions}
+        rules = {"order": study.order, "seed": study.seed, "stopping": study.stopping}
+        print_json({"arms": arm_fields(arms), **size, **rules, "warnings": warnings})
         return
     for line in arm_lines(arms):
         typer.echo(line)
@@ -190,7 +182,7 @@ def check(file: File = _DEFAULT, as_json: Json = False) -> None:
 
 @app.command()
 def plan(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     rate: Annotated[float, typer.Option("--rate", min=0.01, max=0.99, help="Assumed mean success rate.")] = 0.5,
     seconds: Annotated[
         float | None,
@@ -230,7 +222,7 @@ def plan(
 
 @app.command()
 def lock(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     force: Annotated[bool, typer.Option("--force", help="Lock a design that cannot show a difference.")] = False,
     results: Results = None,
     db: Database = None,
@@ -282,4 +274,5 @@ def lock(
     typer.echo(f"next: vsnbench study run {quote(str(file))}{where.options}", err=True)
 
 
-locked.add_to(app)
+for _function in (locked.run, locked.status, locked.amend, locked.unblind, locked.report):
+    app.command()(_function)
