@@ -142,7 +142,7 @@ class EpisodeRecording:
 
     def _log(self) -> None:
         from vsnbench.viewer.drawing import EpisodeDrawing
-        from vsnbench.viewer.entity_log import ColumnLog, ImmediateLog
+        from vsnbench.viewer.entity_log import ColumnLog, EntityLog
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
         sweep_parts(self._path.parent, self._path.name)
@@ -152,7 +152,7 @@ class EpisodeRecording:
         try:
             drawings = [EpisodeDrawing(ColumnLog(recording), self._header)]
             if live is not None:
-                drawings.append(EpisodeDrawing(ImmediateLog(live), self._header))
+                drawings.append(EpisodeDrawing(EntityLog(live), self._header))
             while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
                     drawing.draw(entry)
