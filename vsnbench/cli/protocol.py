@@ -94,9 +94,7 @@ def check(
         ]
         print_json({"file": file, "faults": found})
     else:
-        for fault in faults:
-            typer.echo(f"error: {fault}")
-        typer.echo(f"{file}: {counted(len(faults), 'error')}")
+        typer.echo("\n".join([*(f"error: {fault}" for fault in faults), f"{file}: {counted(len(faults), 'error')}"]))
     if faults:
         raise typer.Exit(1)
 

@@ -6,7 +6,7 @@ import typer
 
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Results, open_results
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_result
 from vsnbench.errors import UsageError
 from vsnbench.text.number_ranges import read_numbers
 
@@ -48,12 +48,8 @@ def command(
         journal.annotate(numbers, annotation, author=provenance.operator)
         with transaction(reading(journal.engine)) as connection:
             tags = tags_of(connection, numbers)
-    if as_json:
-        print_json(
-            [{"id": number, "tags": list(tags.get(number, ())), "author": provenance.operator} for number in numbers]
-        )
-        return
-    for number in numbers:
-        said = ["noted"] if annotation.note else []
-        said += [f"tags {', '.join(tags[number])}" if number in tags else "no tags"]
-        typer.echo(f"episode {number}: {'; '.join(said)}")
+    fields = [{"id": number, "tags": tags.get(number, ()), "author": provenance.operator} for number in numbers]
+    noted = "noted; " if annotation.note else ""
+    shown = {number: f"tags {', '.join(tags[number])}" if number in tags else "no tags" for number in numbers}
+    text = "\n".join(f"episode {number}: {noted}{its_tags}" for number, its_tags in shown.items())
+    print_result(fields, text, as_json=as_json)

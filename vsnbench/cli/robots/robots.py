@@ -1,6 +1,7 @@
 """`vsnbench robots`: robot profiles and ROS nodes."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ import typer
 
 from vsnbench.cli.robots import nodes
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 
@@ -76,10 +77,7 @@ def show(
     if not robot:
         raise UsageError("no robot profile is named", advice="name one, or pass --annotated for a commented example")
     content = load_profile(robot).model_dump(mode="json")
-    if as_json:
-        print_json(content)
-    else:
-        typer.echo(dump_yaml(content))
+    print_result(content, dump_yaml(content), as_json=as_json)
 
 
 @app.command()
@@ -90,12 +88,10 @@ def check(robot: RobotArgument, as_json: Json = False) -> None:
 
     profile = load_profile(robot)
     warnings = implausible_values(profile)
-    if as_json:
-        print_json({"robot": profile.name, "title": profile.title, "warnings": warnings})
-        return
-    for warning in warnings:
-        typer.echo(f"warning: {warning}")
-    typer.echo(f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself")
+    lines = [f"warning: {warning}" for warning in warnings]
+    lines += [f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself"]
+    fields = {"robot": profile.name, "title": profile.title, "warnings": warnings}
+    print_result(fields, "\n".join(lines), as_json=as_json)
 
 
 @app.command()
@@ -144,22 +140,9 @@ def calibrate(
     if write and (corrections or target != source):
         write_corrections(source, target, corrections)
     if as_json:
-        print_json(
-            {
-                "robot": profile.name,
-                "file": str(target),
-                "written": write,
-                "measured": {
-                    difference.field: {
-                        "value": difference.measured.value,
-                        "std": difference.measured.std,
-                        "profile": difference.profile,
-                    }
-                    for difference in calibration.differences
-                },
-                "corrections": corrections,
-            }
-        )
+        measured = {each.field: asdict(each.measured) | {"profile": each.profile} for each in calibration.differences}
+        fields = {"robot": profile.name, "file": str(target), "written": write}
+        print_json({**fields, "measured": measured, "corrections": corrections})
     elif not corrections:
         typer.echo("the profile agrees with the camera within the uncertainty of the measurement")
     elif write:
