@@ -11,7 +11,6 @@ import subprocess
 import time
 import urllib.parse
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import UsageError, VsnbenchError
@@ -65,9 +64,7 @@ class Viewer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

@@ -102,7 +102,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
     pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
-    from vsnbench.cli.running.summary import run_and_exit
+    from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
@@ -135,12 +135,14 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     )
     if len(models) * len(seeds) * len(sites) == 1:
         provider = TerminalOperatorProvider(unattended, page)
-        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json))
+        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json), summary_console())
     if page is not None:
         raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
-    from vsnbench.cli.running.sweep_summary import run_sweep_and_report
+    from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console
 
-    run_and_exit(lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json))
+    run_and_exit(
+        lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json), sweep_console()
+    )
 
 
 def _isolation(python: str) -> "Isolation":
@@ -153,22 +155,20 @@ def _isolation(python: str) -> "Isolation":
 
 
 def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:
-    """Run a campaign and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped."""
-    from vsnbench.cli.running.summary import fields_of, print_summary, stopped_message, summary_console
+    """Run a campaign and return the exit code: 0 if every trial is done, 1 if some are left.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
+    """
+    from vsnbench.cli.running.summary import fields_of, print_summary, summary_console
     from vsnbench.runner.setup.launch import launch
-    from vsnbench.runner.stopping.requests import Stopped
     from vsnbench.viewer.live import RerunEpisodes
 
-    console = summary_console()
-    try:
-        with RerunEpisodes(live=live) as viewer:
-            launched = launch(request, provider, viewer)
-            viewer.linger()
-    except Stopped as stopped:
-        console.print(stopped_message(stopped))
-        return stopped.request.exit_code
+    with RerunEpisodes(live=live) as viewer:
+        launched = launch(request, provider, viewer)
+        viewer.linger()
     if not (as_json and is_quiet()):
-        print_summary(console, launched, request)
+        print_summary(summary_console(), launched, request)
     if as_json:
         print_json(fields_of(launched, request))
     return 1 if launched.result.left or launched.result.elsewhere else 0

@@ -78,6 +78,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.cli.running.stress_summary import check_figure, run_stress
     from vsnbench.cli.running.summary import run_and_exit
+    from vsnbench.cli.running.sweep_summary import sweep_console
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.stress import check_robot, conditions_of
@@ -105,4 +106,4 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         keep=what_to_keep(keep, live=False),
     )
     sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
-    run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json))
+    run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json), sweep_console())

@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from vsnbench.cli.support.output import is_quiet
-from vsnbench.results.files.directory import TEMPORARY_RESULTS
+from vsnbench.results.files.directory import TEMPORARY_RESULTS, ResultsDirectory
 from vsnbench.runner.setup.launch import Launched
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped
@@ -26,25 +26,25 @@ THREAD_TIMEOUT_S = 2.0
 """Time to wait at exit for threads that a model started."""
 
 
-def stopped_message(stopped: Stopped) -> str:
-    """Return the message, in rich's markup, after a person or a signal stopped a run."""
-    by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.description
-    return (
-        f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
-        "The same command resumes with the remaining trials."
-    )
-
-
-def run_and_exit(run: Callable[[], int]) -> NoReturn:
+def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
     """Run trials and exit with the code that `run` returns, also if threads of a model would keep the process alive.
 
-    Processes that a model started are ended, even if their parents have ended. They must not hold a robot, a GPU or a
-    cluster's slot after the last trial.
+    If a person or a signal stops the run, the message goes to the console, and the exit code is 129 to 143. Processes
+    that a model started are ended, even if their parents have ended: they must not hold a robot, a GPU or a cluster's
+    slot after the last trial.
     """
     threads, pids = threading.enumerate(), frozenset(process.pid for process in descendants())
     adopt_orphans()
     try:
         code = run()
+    except Stopped as stopped:
+        request = stopped.request
+        by = request.means if request.author is StopAuthor.PERSON else request.description
+        console.print(
+            f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
+            "The same command resumes with the remaining trials."
+        )
+        code = request.exit_code
     finally:
         names = end_descendants(pids)
         adopt_orphans(wanted=False)
@@ -74,6 +74,15 @@ def print_next(console: Console, command: str) -> None:
         console.print(f"[dim]next:[/dim] vsnbench {escape(command)}")
 
 
+def print_awaiting(console: Console, awaiting: int, results: ResultsDirectory) -> None:
+    """Print the command that judges episodes, if any await judgement."""
+    if awaiting:
+        console.print(
+            f"[cyan]{counted(awaiting, 'trial')} to be judged[/cyan] before they count: "
+            f"vsnbench judge --pending{escape(results.options)}"
+        )
+
+
 def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
     """Return the summary of a campaign as JSON fields."""
     result, trials = launched.result, len(launched.campaign.trials)
@@ -97,12 +106,11 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
 def print_summary(console: Console, launched: Launched, request: RunRequest) -> None:
     """Print what is done, what is left and the next command."""
     result, trials = launched.result, len(launched.campaign.trials)
-    options = escape(request.results.options)
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
     if os.environ.get(TEMPORARY_RESULTS):  # a run of `--watch`, whose results are discarded at the next change
         console.print(f"{trials - result.left} of {counted(trials, 'trial')} done")
-        console.print(f"[dim]until the next change:[/dim] vsnbench episodes list{options}")
+        console.print(f"[dim]until the next change:[/dim] vsnbench episodes list{escape(request.results.options)}")
         return
     if result.left:
         console.print(
@@ -124,11 +132,7 @@ def print_summary(console: Console, launched: Launched, request: RunRequest) -> 
             console.print(
                 f"nothing to do: {all_trials} done. Add goals, --starts or --repetitions, or use another --seed."
             )
-    if result.awaiting:
-        console.print(
-            f"[cyan]{counted(result.awaiting, 'trial')} to be judged[/cyan] before they count: "
-            f"vsnbench judge --pending{options}"
-        )
+    print_awaiting(console, result.awaiting, request.results)
     only_void = result.episodes == result.void > 0 and result.left == trials
     following = "episodes list --outcome void" if only_void else "report"
     print_next(console, f"{following}{request.results.options}")

@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from vsnbench.cli.running.summary import print_next, stopped_message, summary_console
+from vsnbench.cli.running.summary import print_awaiting, print_next, summary_console
 from vsnbench.cli.support.output import is_quiet, print_json
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.operator.provider import OperatorProvider
-from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.runner.study.arms import StudyPlace
 from vsnbench.runner.study.session import run_study
 from vsnbench.runner.study.source import StudyRequest, StudyResult
 from vsnbench.text.sanitize import counted
-from vsnbench.text.terminal import Console
 from vsnbench.viewer.live import RerunEpisodes
 
 if TYPE_CHECKING:
@@ -40,24 +38,23 @@ def place_of(study: "OpenedStudy") -> StudyPlace:
 
 
 def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider, *, live: bool, as_json: bool) -> int:
-    """Run a study; return the exit code: 0 if nothing is left to run, 1 if trials are left, 129 to 143 if stopped."""
-    console = summary_console()
-    try:
-        with RerunEpisodes(live=live) as viewer:
-            result = run_study(request, provider, viewer)
-            viewer.linger()
-    except Stopped as stopped:
-        console.print(stopped_message(stopped))
-        return stopped.request.exit_code
+    """Run a study and return the exit code: 0 if nothing is left to run, 1 if trials are left.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
+    """
+    with RerunEpisodes(live=live) as viewer:
+        result = run_study(request, provider, viewer)
+        viewer.linger()
     if not (as_json and is_quiet()):
-        _print_summary(console, file, request.results, result)
+        _print_summary(file, request.results, result)
     if as_json:
         print_json({"results": str(request.results.path), **asdict(result)})
     return 1 if result.left or result.elsewhere else 0
 
 
-def _print_summary(console: Console, file: Path, results: ResultsDirectory, result: StudyResult) -> None:
-    options = escape(results.options)
+def _print_summary(file: Path, results: ResultsDirectory, result: StudyResult) -> None:
+    console = summary_console()
     if result.stopped_because:
         console.print(f"[yellow]stopped[/yellow]: {escape(result.stopped_because)}")
     if result.over:
@@ -73,9 +70,5 @@ def _print_summary(console: Console, file: Path, results: ResultsDirectory, resu
         console.print(f"[yellow]{counted(result.elsewhere, 'trial')} running elsewhere[/yellow], in another process.")
     if not (result.left or result.elsewhere or result.over):
         console.print(f"[green]every trial is done[/green]; results in {escape(str(results.path))}")
-    if result.awaiting:
-        console.print(
-            f"[cyan]{counted(result.awaiting, 'trial')} to be judged[/cyan] before they count: "
-            f"vsnbench judge --pending{options}"
-        )
+    print_awaiting(console, result.awaiting, results)
     print_next(console, f"study report {file}{results.options}")
