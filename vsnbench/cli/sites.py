@@ -94,28 +94,23 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
         print_json(content)
         return
     console = Console()
-    console.print(f"[bold]{site.name}[/bold]  {site.title}")
+    console.print(f"[bold]{safe(site.name)}[/bold]  {safe(site.title)}")
     console.print(f"{site.area_m2:.1f} m², ceiling {site.ceiling_height_m:g} m, content {site.sha256[:12]}")
     rooms = ", ".join(f"{room.name} {room.shape.area:.1f} m²" for room in site.rooms)
-    console.print(f"rooms: {rooms}", highlight=False)
+    console.print(f"rooms: {safe(rooms)}", highlight=False)
     doors = ", ".join(
         f"{door.name} {door.clear_width_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors
     )
-    console.print(f"doors: {doors or 'none'}\n", highlight=False)
+    console.print(f"doors: {safe(doors or 'none')}\n", highlight=False)
     instances = {goal: ", ".join(safe(thing.id) for thing in site.instances(goal)) for goal in GOAL_CATEGORIES}
     goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]
     print_list((ListColumn("goal"), prose_column("instances")), goals)
     typer.echo()
     if site.goals:
-        rows = [
-            (
-                goal.id,
-                goal.kind.value,
-                safe(goal.text or goal.category),
-                ", ".join(t.id for t in targets_of(site, goal.id)),
-            )
-            for goal in site.goals
-        ]
+        rows = []
+        for goal in site.goals:
+            targets = ", ".join(target.id for target in targets_of(site, goal.id))
+            rows.append((safe(goal.id), goal.kind.value, safe(goal.text or goal.category), safe(targets)))
         print_list((ListColumn("goal"), ListColumn("kind"), prose_column("words"), prose_column("targets")), rows)
         typer.echo()
     starts = []

@@ -105,31 +105,27 @@ def show(name: ModelName, as_json: Json = False) -> None:
         print_json(_description_json(model))
         return
     console = Console()
-    console.print(f"[bold]{model.name}[/bold]: {model.summary}\n", highlight=False)
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("class", model.where)
-    grid.add_row("goals", _goals(model))
-    for row in card_rows(model.card):
-        grid.add_row(*row)
+    console.print(f"[bold]{escape(model.name)}[/bold]: {escape(model.summary)}\n", highlight=False)
+    rows = [("class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
     if model.sensors:
-        grid.add_row("sensors", ", ".join(model.sensors))
+        rows.append(("sensors", ", ".join(model.sensors)))
     flags, others = _keywords(model)
-    grid.add_row("options", ", ".join(flags) or "none")
+    rows.append(("options", ", ".join(flags) or "none"))
     if others:
-        grid.add_row("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})")
-    grid.add_row("weights", _weights_state(model))
+        rows.append(("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})"))
+    rows = [*((name, escape(value)) for name, value in rows), ("weights", _weights_state(model))]
     if model.weights_file:
         from vsnbench.models.checkpoints.weights import weights_directory
 
-        grid.add_row("", f"searched at {weights_directory() / model.weights_file}")
-    console.print(grid, highlight=False, soft_wrap=True)
+        rows.append(("", f"searched at {escape(str(weights_directory() / model.weights_file))}"))
+    _print_rows(console, rows)
     if model.settings_class is not None:
         console.print("\n[bold]Settings[/bold] (YAML file of --model-config)", highlight=False)
         table = Table(box=None, pad_edge=False, header_style="bold")
         for heading in ("setting", "default", "meaning"):
             table.add_column(heading, overflow="fold")
-        for field, default, meaning in _settings_of(model):
-            table.add_row(field, default, meaning)
+        for row in _settings_of(model):
+            table.add_row(*map(escape, row))
         console.print(table, highlight=False)
 
 
@@ -273,21 +269,24 @@ def _check_json(report: "ModelCheck") -> dict[str, Any]:
 
 def _print_check(report: "ModelCheck", card: "ModelCard | None", profile: "RobotProfile | None") -> None:
     console = Console()
-    console.print(f"[bold]{report.weights}[/bold]", highlight=False, soft_wrap=True)
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("sha256", report.sha256)
-    grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
-    for fact, value in report.facts.items():
-        grid.add_row(fact.replace("_", " "), _fact_text(value))
-    for row in card_rows(card, profile):
-        grid.add_row(*row)
-    grid.add_row("engine", report.chosen_engine)
-    grid.add_row("parity", _parity_text(report))
+    console.print(f"[bold]{escape(str(report.weights))}[/bold]", highlight=False, soft_wrap=True)
+    rows = [("sha256", report.sha256), ("size", f"{report.size_bytes / 1e6:.1f} MB")]
+    rows += [(fact.replace("_", " "), escape(_fact_text(value))) for fact, value in report.facts.items()]
+    rows += [(name, escape(value)) for name, value in card_rows(card, profile)]
+    rows += [("engine", escape(report.chosen_engine)), ("parity", _parity_text(report))]
     for timing in report.timings:
-        grid.add_row("time", f"{timing.median_ms:.1f} ms per step, median of {timing.steps}: {timing.engine}")
+        rows.append(("time", f"{timing.median_ms:.1f} ms per step, median of {timing.steps}: {escape(timing.engine)}"))
     if len(report.timings) == 2:
         reference, chosen = report.timings
-        grid.add_row("", f"{reference.median_ms / chosen.median_ms:.2f} times the speed of the reference")
+        rows.append(("", f"{reference.median_ms / chosen.median_ms:.2f} times the speed of the reference"))
+    _print_rows(console, rows)
+
+
+def _print_rows(console: Console, rows: list[tuple[str, str]]) -> None:
+    """Print names and values, with the values in rich's markup."""
+    grid = Table.grid(padding=(0, 2))
+    for row in rows:
+        grid.add_row(*row)
     console.print(grid, highlight=False, soft_wrap=True)
 
 

@@ -115,11 +115,11 @@ def _print(checks: "Sequence[CheckResult]", subject: str) -> None:
     for check in checks:
         advice = f"\n[bold]→[/bold] {escape(check.advice)}" if check.advice else ""
         style = _STYLE[check.health]
-        table.add_row(f"[{style}]{check.health}[/]", check.what, escape(check.seen) + advice)
+        table.add_row(f"[{style}]{check.health}[/]", escape(check.what), escape(check.seen) + advice)
     console.print(table)
     if failed := sum(check.health == "failed" for check in checks):
-        console.print(f"[red]{failed} failed[/red]: {subject} cannot run a session yet")
+        console.print(f"[red]{failed} failed[/red]: {escape(subject)} cannot run a session yet")
         return
     warnings = sum(check.health == "warning" for check in checks)
     ending = f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else ""
-    console.print(f"[green]ready[/green]: {subject}{ending}")
+    console.print(f"[green]ready[/green]: {escape(subject)}{ending}")

@@ -7,6 +7,7 @@ import typer
 
 from vsnbench.cli.support.options import Database, Results, RobotOrProfile, configured_option, results_directory
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import safe
 from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
 from vsnbench.errors import RobotError
 
@@ -89,5 +90,5 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         if look.measured.wants_turn:
             console.print("[dim]next: the same command with --turn[/dim]")
         if picture is not None:
-            console.print(f"camera image, expected outlines in cyan: {picture}")
+            console.print(f"camera image, expected outlines in cyan: {safe(picture)}")
     raise typer.Exit(0 if look.measured.within_tolerance else 1)
