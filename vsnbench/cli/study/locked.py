@@ -1,21 +1,33 @@
 """Commands for a locked study: run, status, amend, unblind, report."""
 
 from datetime import datetime, timedelta
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.study.report import StudyFormat
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list
 from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
 from vsnbench.cli.support.output import Json, print_files, print_json, print_result
-from vsnbench.cli.support.terminal import safe
+from vsnbench.cli.support.terminal import page, safe
 from vsnbench.config import load_config
 from vsnbench.errors import StudyError, UsageError
 
 if TYPE_CHECKING:
     from vsnbench.cli.study.file import OpenedStudy
+    from vsnbench.report.study.findings import StudyFindings
+
+
+class StudyFormat(StrEnum):
+    """Output formats on stdout."""
+
+    TABLE = "table"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    HTML = "html"
+    JSON = "json"
+
 
 File = Annotated[Path, typer.Argument(help="Path of the study file.")]
 DEFAULT_FILE = Path("study.yaml")
@@ -202,7 +214,8 @@ def report(
     [bold]vsnbench study report study.yaml --output report/[/bold]
     """
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.report import print_findings, write_findings
+    from vsnbench.files.atomic import write_atomic
+    from vsnbench.report.study import forms
     from vsnbench.report.study.findings import read_findings
 
     study = open_study(file, results, db)
@@ -212,8 +225,31 @@ def report(
         differences=checked.differences,
         remarks=checked.remarks,
     )
+    written_as = {
+        StudyFormat.HTML: ("study.html", forms.to_html),
+        StudyFormat.MARKDOWN: ("study.md", forms.to_markdown),
+        StudyFormat.LATEX: ("study.tex", forms.to_latex),
+        StudyFormat.JSON: ("study.json", forms.to_json),
+    }
+    form = StudyFormat.JSON if as_json else form
     if output is not None:
-        print_files(write_findings(found, output), as_json=as_json)
+        files = {output / name: write(found).encode() for name, write in written_as.values()}
+        for file, content in files.items():
+            write_atomic(file, content)
+        print_files(files, as_json=as_json)
+    elif form is StudyFormat.TABLE:
+        _print_findings(found)
     else:
-        print_findings(StudyFormat.JSON if as_json else form, found)
+        typer.echo(written_as[form][1](found), nl=False)
     _print_warnings(study)
+
+
+def _print_findings(found: "StudyFindings") -> None:
+    from vsnbench.report.study.tables import study_tables
+    from vsnbench.report.tables.report_table import print_tables
+
+    console = page()
+    console.print(f"[bold]{safe(found.recorded.title)}[/bold]")
+    console.print(f"[dim]{safe(found.plan.question)}[/dim]\n")
+    console.print(f"[bold]{safe(found.conclusion)}[/bold]\n")
+    print_tables(study_tables(found), console)

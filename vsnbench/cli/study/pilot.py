@@ -31,14 +31,6 @@ def recorded_pairs(place: "StudyPlace", results: "ResultsDirectory") -> "tuple[P
     return pilot_pairs(record, place.study, place.site.sha256, starts)
 
 
-def no_pairs_line(place: "StudyPlace") -> str:
-    """Return why nothing is known of what progress saves."""
-    return (
-        f"the record has no two models with progress in the same cells of {place.site.name} on these goals: what "
-        "progress saves against success is unknown"
-    )
-
-
 def pilot_fields(pairs: "Sequence[PilotPair]") -> list[dict[str, Any]]:
     """Return the pairs as JSON fields; null for what is not finite."""
     fields = []

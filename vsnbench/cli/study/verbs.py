@@ -196,7 +196,7 @@ def plan(
 
     [bold]vsnbench study plan study.yaml --rate 0.6[/bold]
     """
-    from vsnbench.cli.study.pilot import no_pairs_line, pilot_fields, recorded_pairs
+    from vsnbench.cli.study.pilot import pilot_fields, recorded_pairs
     from vsnbench.cli.study.text import duration_line, power_table
     from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.tables.report_table import print_tables
@@ -216,7 +216,10 @@ def plan(
         return
     print_tables([table, *([pilot_table(pairs, study)] if pairs else [])], page())
     if study.of_progress and not pairs:
-        typer.echo(no_pairs_line(place))
+        typer.echo(
+            f"the record has no two models with progress in the same cells of {place.site.name} on these goals: what "
+            "progress saves against success is unknown"
+        )
     typer.echo(pace)
 
 

@@ -17,7 +17,7 @@ from vsnbench.cli.support.lists import split_list
 
 logger = logging.getLogger(__name__)
 
-READS_RECORD = frozenset({"report", "compare", "episodes", "export"})
+_READS_RECORD = frozenset({"report", "compare", "episodes", "export"})
 """Commands whose --model selects recorded models."""
 _LATEST_EPISODES = 50
 
@@ -36,9 +36,8 @@ def add_completion(verb: str, function: Callable[..., Any]) -> None:
 
 def _completion_of(verb: str, name: str, info: object) -> Complete | None:
     if isinstance(info, OptionInfo):
-        recorded = verb in READS_RECORD
         of_option: dict[str, Complete] = {
-            "--model": recorded_models if recorded else known_models,
+            "--model": recorded_models if verb in _READS_RECORD else known_models,
             "--goal": goals,
             "--site": sites,
             "--robot": robots,
