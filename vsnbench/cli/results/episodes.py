@@ -92,6 +92,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     if not episodes:
         typer.echo("no episodes found", err=True)
         return
+    has_tags = any(episode.tags for episode in episodes)
     columns = (
         ListColumn("episode", right=True),
         name_column("model"),
@@ -100,7 +101,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         ListColumn("result"),
         ListColumn("actions", right=True, rank=1),
         ListColumn("to goal", right=True, rank=2),
-        *([prose_column("tags")] if any(episode.tags for episode in episodes) else []),
+        *([prose_column("tags")] if has_tags else []),
         ListColumn("began (UTC)", rank=3),
     )
     rows = []
@@ -114,7 +115,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
             f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
             str(episode.actions),
             metres(episode.distance_to_goal_m, episode.success_distance_m),
-            *([safe(", ".join(episode.tags))] if any(other.tags for other in episodes) else []),
+            *([safe(", ".join(episode.tags))] if has_tags else []),
             f"{episode.started_at:%Y-%m-%d %H:%M}",
         )
         rows.append(row)
