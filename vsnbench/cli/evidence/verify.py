@@ -94,7 +94,6 @@ def _fields(found: "Verification") -> dict[str, Any]:
 
 
 def _print(found: "Verification") -> None:
-
     columns = (
         ListColumn("check"),
         ListColumn("items"),

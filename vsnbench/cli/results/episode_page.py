@@ -141,7 +141,6 @@ def _seconds(value: float | None) -> str:
 
 
 def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
-
     if not steps:
         return
     counts = Counter((step.raw_action, step.action) for step in steps)
@@ -163,7 +162,6 @@ def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
 
 
 def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
-
     from rich.table import Table
 
     from vsnbench.values.movement import movement_text

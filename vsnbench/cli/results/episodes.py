@@ -219,7 +219,6 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 def _details_object(
     details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
 ) -> dict[str, object]:
-
     fields = asdict(details)
     del fields["summary"]
     return {
@@ -241,26 +240,27 @@ def _thinking_s(steps: "tuple[StepRecord, ...]") -> float | None:
 def _step_object(step: "StepRecord") -> dict[str, object]:
     """Return a step as JSON fields; they are stable. Unknown values are null."""
     from vsnbench.results.schema.row_encoding import number
+    from vsnbench.values.motion_result import MotionResult
     from vsnbench.values.movement import movement_to_json
 
-    result = step.result
-    collision = result.collision if result else None
+    result = step.result or MotionResult(completed=False)
+    collision = result.collision
     return {
         "number": step.number,
         "raw_action": step.raw_action,
         "action": step.action,
         "blocked": step.blocked,
-        "completed": result is not None and result.completed,
-        "failure": result.failure if result else "",
+        "completed": result.completed,
+        "failure": result.failure,
         "recorded_at": step.recorded_at,
         "stamp_s": step.stamp_s,
         "observed": asdict(step.observed) if step.observed else None,
         "after": asdict(step.after) if step.after else None,
         "world": asdict(step.world) if step.world else None,
-        "displacement_m": number(result.displacement_m) if result else 0.0,
-        "turn_rad": number(result.turn_rad) if result else 0.0,
-        "duration_s": number(result.duration_s) if result else 0.0,
-        "corrections": result.corrections if result else 0,
+        "displacement_m": number(result.displacement_m),
+        "turn_rad": number(result.turn_rad),
+        "duration_s": number(result.duration_s),
+        "corrections": result.corrections,
         "collision_source": collision.source if collision else None,
         "collision_touched": collision.touched if collision else None,
         "rgb_digest": step.rgb_digest,
@@ -269,7 +269,7 @@ def _step_object(step: "StepRecord") -> dict[str, object]:
         "depth_file_digest": step.depth_file_digest,
         **asdict(step.timings),
         "movement": movement_to_json(step.movement) if step.movement else None,
-        "path_m": number(result.path_m) if result and result.path_m is not None else None,
+        "path_m": number(result.path_m) if result.path_m is not None else None,
         "part": list(step.part) if step.part else None,
         "probabilities": step.probabilities,
         "details": step.details,

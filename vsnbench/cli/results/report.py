@@ -131,7 +131,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 def _write_website(
     place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
 ) -> None:
-
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.web.results_browser.website import write_website
 
