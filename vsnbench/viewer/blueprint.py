@@ -1,28 +1,25 @@
 """The layout of an episode in the viewer."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+import rerun as rr
+import rerun.blueprint as rrb
 
 from vsnbench.results.files.episode_entries import EpisodeHeader
 from vsnbench.viewer.rerun_internals import convert_blueprint, send_blueprint
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
-if TYPE_CHECKING:
-    import rerun as rr
-    import rerun.blueprint as rrb
-
 TIMELINE = "step"
 FLOOR_MARGIN_M = 0.35
 
 
-def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Blueprint":
+def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> rrb.Blueprint:
     """Return the layout of one episode.
 
     Args:
         header: the episode; the floor plan fits its site.
         with_scores: whether to plot scores of the policy.
     """
-    import rerun.blueprint as rrb
     from rerun.blueprint import encodings
 
     whole_episode = rrb.VisibleTimeRange(
@@ -61,10 +58,8 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> "rrb.Bluep
     return _blueprint(rrb.Horizontal(images, middle, texts, column_shares=[5, 7, 5]))
 
 
-def _blueprint(views: "rrb.Container") -> "rrb.Blueprint":
+def _blueprint(views: rrb.Container) -> rrb.Blueprint:
     """Return a layout that shows these views, without the panels of the viewer."""
-    import rerun.blueprint as rrb
-
     return rrb.Blueprint(
         views,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
@@ -75,10 +70,8 @@ def _blueprint(views: "rrb.Container") -> "rrb.Blueprint":
     )
 
 
-def _floor_plan(header: EpisodeHeader, prefix: str = "") -> "rrb.View":
+def _floor_plan(header: EpisodeHeader, prefix: str = "") -> rrb.View:
     """Return the view of the plan, with the path until the cursor of the timeline."""
-    import rerun.blueprint as rrb
-
     until_now = rrb.VisibleTimeRange(
         TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
     )
@@ -97,15 +90,13 @@ def _floor_plan(header: EpisodeHeader, prefix: str = "") -> "rrb.View":
     )
 
 
-def pair_blueprint(headers: Sequence[EpisodeHeader], sides: Sequence[str]) -> "rrb.Blueprint":
+def pair_blueprint(headers: Sequence[EpisodeHeader], sides: Sequence[str]) -> rrb.Blueprint:
     """Return the layout of several episodes side by side on one timeline.
 
     Args:
         headers: the episodes.
         sides: prefix of the entities of each.
     """
-    import rerun.blueprint as rrb
-
     columns = [
         rrb.Vertical(
             rrb.TextDocumentView(origin=f"{side}/status", name=f"#{header.episode_id} {header.model}"),
@@ -120,7 +111,7 @@ def pair_blueprint(headers: Sequence[EpisodeHeader], sides: Sequence[str]) -> "r
     return _blueprint(rrb.Horizontal(*columns))
 
 
-def send_layout(recording: "rr.RecordingStream", header: EpisodeHeader, *, with_scores: bool) -> None:
+def send_layout(recording: rr.RecordingStream, header: EpisodeHeader, *, with_scores: bool) -> None:
     """Send an episode's layout to its recording. Arguments as for `episode_blueprint`."""
 
     def draw(layout: StaticEntities) -> None:

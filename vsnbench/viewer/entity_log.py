@@ -7,12 +7,11 @@ only a live viewer gets every step at once.
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+import rerun as rr
 
 from vsnbench.viewer.blueprint import TIMELINE
-
-if TYPE_CHECKING:
-    import rerun as rr
 
 ROBOT_TIME: Final = "robot_time"
 STEPS_PER_COLUMN: Final = 64
@@ -22,7 +21,7 @@ STEPS_PER_COLUMN: Final = 64
 class EntityLog:
     """Logs the entities of an episode at once, step after step."""
 
-    def __init__(self, stream: "rr.RecordingStream") -> None:
+    def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
         """For what is logged once, outside time."""
 
@@ -50,7 +49,7 @@ class _Rows:
 class ColumnLog(EntityLog):
     """Buffers values, and sends them as columns of `STEPS_PER_COLUMN` steps."""
 
-    def __init__(self, stream: "rr.RecordingStream") -> None:
+    def __init__(self, stream: rr.RecordingStream) -> None:
         super().__init__(stream)
         self._step = 0
         self._robot_time_s: float | None = None
@@ -79,8 +78,6 @@ class ColumnLog(EntityLog):
 
     def flush(self) -> None:
         """Send buffered values."""
-        import rerun as rr
-
         for (entity, archetype, _), rows in self._rows.items():
             times = [rr.TimeColumn(TIMELINE, sequence=rows.steps), rr.TimeColumn(ROBOT_TIME, duration=rows.times_s)]
             columns = [
@@ -91,6 +88,6 @@ class ColumnLog(EntityLog):
         self._buffered_steps = 0
 
 
-def _columns(archetype: Any, name: str, rows: Sequence[Sequence[Any]]) -> "list[rr.ComponentColumn]":
+def _columns(archetype: Any, name: str, rows: Sequence[Sequence[Any]]) -> list[rr.ComponentColumn]:
     columns = archetype.columns(**{name: [instance for row in rows for instance in row]})
     return list(columns.partition([len(row) for row in rows]))

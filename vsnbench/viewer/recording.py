@@ -119,6 +119,7 @@ class EpisodeRecording:
             pass
 
     def _write(self) -> None:
+        os.environ.setdefault("RUST_LOG", "off")  # keeps Rerun's own log messages off stderr
         from vsnbench.viewer.rerun_internals import free_unused_streams
 
         try:
@@ -155,8 +156,6 @@ class EpisodeRecording:
 
 def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
     """Return a stream to a file."""
-    # Keeps Rerun's own log messages off stderr.
-    os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     recording = rr.RecordingStream(APPLICATION, recording_id=header.uuid)
