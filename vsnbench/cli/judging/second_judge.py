@@ -1,34 +1,32 @@
 """`vsnbench judge --second`: another person judges episodes without the first verdict and the model's name."""
 
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import typer
 
 from vsnbench.cli.support.output import print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.runner.judging.decision import Answer
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.judging.decision import Answer
+from vsnbench.runner.judging.second import SecondRating, blind_case, decide_second, read_rater
+from vsnbench.web.second_judgement.app import SecondJudgementApp
+from vsnbench.web_server.server import WebServer
+from vsnbench.web_server.session_key import SessionKey
 
 
 def answer_second(
-    place: "ResultsDirectory", rater: str, number: int, answers: "Sequence[Answer]", *, retract: bool, as_json: bool
+    place: ResultsDirectory, rater: str, number: int, answers: Sequence[Answer], *, retract: bool, as_json: bool
 ) -> None:
     """Record one answer of a rater, or retract it.
 
     Raises:
         UsageError: there is not one answer, or the rater cannot judge.
     """
-    from vsnbench.results.reading.queries import episode_details
-    from vsnbench.results.schema.migrate import open_record
-    from vsnbench.results.writing.journal import Journal
-    from vsnbench.runner.judging.second import blind_case, decide_second, read_rater
-
     rater = read_rater(rater)
     if len(answers) + retract != 1:
         raise UsageError(
@@ -51,20 +49,13 @@ def answer_second(
 
 
 def serve_second(
-    place: "ResultsDirectory", rater: str, *, sample: int | None, seed: int, port: int, as_json: bool
+    place: ResultsDirectory, rater: str, *, sample: int | None, seed: int, port: int, as_json: bool
 ) -> None:
     """Serve the page of a rater until Ctrl-C.
 
     Raises:
         UsageError: the rater cannot judge.
     """
-    from vsnbench.results.schema.migrate import open_record
-    from vsnbench.results.writing.journal import Journal
-    from vsnbench.runner.judging.second import SecondRating, read_rater
-    from vsnbench.web.second_judgement.app import SecondJudgementApp
-    from vsnbench.web_server.server import WebServer
-    from vsnbench.web_server.session_key import SessionKey
-
     rater = read_rater(rater)
     with open_record(place.database_url):
         pass  # a page for an empty directory would create a record

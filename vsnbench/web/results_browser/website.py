@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
+
 from vsnbench import __version__
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
 from vsnbench.files.atomic import write_atomic
@@ -139,8 +141,6 @@ def _write_episodes(
 
 def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any], directory: Path) -> int:
     """Write the colour images of an episode, smaller than recorded, and return their number."""
-    import cv2
-
     if not images:
         return 0
     folder, written = results.episode_directory(images), 0
