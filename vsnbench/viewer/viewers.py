@@ -58,7 +58,7 @@ class Viewer:
         try:
             self._wait_until_listening(wait_port)
         except BaseException:
-            self._end_process()
+            Viewer.close(self)
             raise
 
     def __enter__(self) -> Self:
@@ -78,9 +78,6 @@ class Viewer:
 
     def close(self) -> None:
         """End the viewer."""
-        self._end_process()
-
-    def _end_process(self) -> None:
         self._process.terminate()
         try:
             self._process.wait(5)

@@ -14,9 +14,6 @@ from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.judging.decision import Answer
 from vsnbench.runner.judging.second import SecondRating, blind_case, decide_second, read_rater
-from vsnbench.web.second_judgement.app import SecondJudgementApp
-from vsnbench.web_server.server import WebServer
-from vsnbench.web_server.session_key import SessionKey
 
 
 def answer_second(
@@ -56,6 +53,10 @@ def serve_second(
     Raises:
         UsageError: the rater cannot judge.
     """
+    from vsnbench.web.second_judgement.app import SecondJudgementApp
+    from vsnbench.web_server.server import WebServer
+    from vsnbench.web_server.session_key import SessionKey
+
     rater = read_rater(rater)
     with open_record(place.database_url):
         pass  # a page for an empty directory would create a record

@@ -2,11 +2,11 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
 from vsnbench.cli.running.summary import print_awaiting, print_next, summary_console
+from vsnbench.cli.study.file import OpenedStudy
 from vsnbench.cli.support.output import is_quiet, print_json
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
@@ -17,11 +17,8 @@ from vsnbench.runner.study.source import StudyRequest, StudyResult
 from vsnbench.text.sanitize import counted
 from vsnbench.viewer.live import RerunEpisodes
 
-if TYPE_CHECKING:
-    from vsnbench.cli.study.file import OpenedStudy
 
-
-def place_of(study: "OpenedStudy") -> StudyPlace:
+def place_of(study: OpenedStudy) -> StudyPlace:
     """Return the site and the schedule of a study.
 
     Raises:
