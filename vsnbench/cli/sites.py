@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.text.sanitize import counted
@@ -137,11 +137,12 @@ def check(
     from vsnbench.site_checks.finding import Severity, SiteFinding
 
     profile = load_profile(robot)
-    site, findings = (
-        check_site_file(site_name, profile.base.radius_m)
-        if not site_name.startswith(_FLAT)
-        else (flat := _site(site_name), check_site(flat, profile.base.radius_m))
-    )
+    radius_m = profile.base.radius_m
+    if not site_name.startswith(_FLAT):
+        site, findings = check_site_file(site_name, radius_m)
+    else:
+        site = _site(site_name)
+        findings = check_site(site, radius_m)
     name = site_name if site is None else site.name
     if site is not None and not any(finding.severity is Severity.ERROR for finding in findings):
         from vsnbench.simulator.scene import build_scene
@@ -151,14 +152,11 @@ def check(
         except SiteError as problem:
             findings.append(SiteFinding(Severity.ERROR, "unknown-look", f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
-    if as_json:
-        rows = [finding.content() for finding in findings]
-        print_json({"site": name, "robot": profile.name, "findings": rows})
-    else:
-        for finding in findings:
-            typer.echo(f"{finding.severity.value}: {finding.message}")
-        warnings = len(findings) - errors
-        typer.echo(f"{name} for {profile.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}")
+    fields = {"site": name, "robot": profile.name, "findings": [finding.content() for finding in findings]}
+    lines = [f"{finding.severity.value}: {finding.message}" for finding in findings]
+    warnings = len(findings) - errors
+    lines += [f"{name} for {profile.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}"]
+    print_result(fields, "\n".join(lines), as_json=as_json)
     if errors:
         raise typer.Exit(1)
 
@@ -296,8 +294,7 @@ def edit(
     editor = SiteEditor(path, load_profile(robot), background)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    key, limit = SessionKey.new(), MAX_BODY_BYTES
-    with WebServer(editor.app(), key, port=port, max_body_bytes=limit) as server:
+    with WebServer(editor.app(), SessionKey.new(), port=port, max_body_bytes=MAX_BODY_BYTES) as server:
         typer.echo(f"editing {path} at {server.addresses[0]}")
         try:
             ended.wait()

@@ -86,15 +86,8 @@ def command(
     ]
     failed = any(check.health is Health.FAILED for check in checks)
     if as_json:
-        name = profile.name if profile is not None else None
-        print_json(
-            {
-                "ready": not failed,
-                "robot": name,
-                "checks": [asdict(check) for check in checks],
-                "machine": asdict(facts),
-            }
-        )
+        subject = {"ready": not failed, "robot": profile.name if profile is not None else None}
+        print_json({**subject, "checks": [asdict(check) for check in checks], "machine": asdict(facts)})
     else:
         _print(checks, "this machine" if profile is None else f"{profile.title} and this machine")
     raise typer.Exit(1 if failed else 0)

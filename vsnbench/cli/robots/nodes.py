@@ -134,8 +134,7 @@ def _uses_ros1(profile: "RobotProfile", ros_arguments: list[str] | None) -> bool
     from vsnbench.robots.ros.interface_kinds import kind_of
     from vsnbench.values.robot_identity import ROS1
 
-    kind_of(profile)
-    is_ros1 = profile.interface is not None and profile.interface.kind == ROS1
+    is_ros1 = kind_of(profile).kind == ROS1
     if ros_arguments and not is_ros1:
         raise UsageError(
             f"{profile.name} uses ROS 2, and {ros_arguments[0]!r} is a ROS 1 argument",
