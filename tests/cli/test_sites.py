@@ -49,6 +49,12 @@ def test_show_names_goals_doors_and_starts() -> None:
     assert "facing the refrigerator close by" in out
 
 
+def test_a_title_with_markup_is_shown_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "lab.yaml"
+    path.write_text(dump_yaml(load_site("apartment").content() | {"title": "Lab [/b] [m]"}), encoding="utf-8")
+    assert "Lab [/b] [m]" in call("show", str(path))[1]
+
+
 def test_show_as_json_gives_the_whole_site() -> None:
     shown = json.loads(call("show", "apartment", "--json")[1])
     assert shown["sha256"] == load_site("apartment").sha256

@@ -26,7 +26,7 @@ from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity
 from vsnbench.values.step import StepRecord, StepTimings
-from vsnbench.viewer.recording import EpisodeRecording, RecordingSummary
+from vsnbench.viewer.recording import EpisodeRecording
 
 UUID = "6f0e9a52-0000-4000-8000-000000000017"
 
@@ -116,7 +116,7 @@ def _keep_images(directory: Path, entry: StepEntry) -> None:
         path.write_bytes(content or b"")
 
 
-def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> RecordingSummary:
+def write(path: Path, count: int = 6, *, diagnostics: bool = True) -> str:
     with EpisodeRecording(header(), path, rebuilding=True) as recording:
         for entry in entries(count, diagnostics=diagnostics):
             recording.add(entry)

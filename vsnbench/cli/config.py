@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import safe
 
 if TYPE_CHECKING:
     from vsnbench.config import ConfigDefault
@@ -15,7 +17,6 @@ _BUILT_IN = "built in"
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
     help="""Show the configuration. Options override the environment, which overrides vsnbench.toml.
 
     vsnbench config show
@@ -37,8 +38,6 @@ def show(as_json: Json = False) -> None:
         vsnbench config show
         VSNBENCH_ROBOT=turtlebot2 vsnbench config show --json
     """
-    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.config import FILE_NAME, VARIABLE_OF, config_defaults
 
     defaults = [default if default.source else _built_in(default) for default in config_defaults()]

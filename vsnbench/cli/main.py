@@ -10,14 +10,13 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.main import get_command
 
 from vsnbench import __version__
 from vsnbench.cli.support.completion import add_completion
-from vsnbench.cli.support.help_text import HELP_OPTIONS, hide_flag_types
 from vsnbench.cli.support.output import WITHOUT_RESULT, LogFile, Verbose, join_long_lines, with_output_options
 from vsnbench.cli.support.parser_errors import RootGroup
 from vsnbench.cli.support.renamed import refuse_renamed
@@ -69,6 +68,8 @@ _PRINTED_DEFAULTS = {
     ("robots", "simulate"): ("site",),
 }
 """Commands that may move a robot, or plan it -> configured defaults that they print."""
+
+HELP_OPTIONS = ["-h", "--help"]
 
 _COMPLETING = "_VSNBENCH_COMPLETE"
 """Environment variable that a shell sets to request completions."""
@@ -145,6 +146,16 @@ def build_app(name: str | None) -> typer.Typer:
     return root
 
 
+def hide_flag_types(command: Any) -> None:
+    """Remove the value type from the help of every flag of a command and its subcommands."""
+    context = command.context_class(command, help_option_names=HELP_OPTIONS)
+    for parameter in command.get_params(context):
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    for subcommand in getattr(command, "commands", {}).values():
+        hide_flag_types(subcommand)
+
+
 def main(loaded: Callable[[], object] = lambda: None) -> None:
     """Run the command line; known errors become one line on stderr and an exit code.
 
@@ -180,7 +191,7 @@ def _run_command(loaded: Callable[[], object]) -> None:
     name = _verb()
     warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
     if not completing:
-        refuse_renamed(_without_global_options(sys.argv[1:], name))
+        refuse_renamed(sys.argv[1 if name is None else sys.argv.index(name) :])
     applied = [] if name == "config" or completing else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)
@@ -227,11 +238,6 @@ def _verb() -> str | None:
     words = _words()
     values = {place + 1 for place, word in enumerate(words) if word == "--log-file"}
     return next((word for place, word in enumerate(words) if word in VERBS and place not in values), None)
-
-
-def _without_global_options(words: Sequence[str], name: str | None) -> Sequence[str]:
-    """Return the words from the command on."""
-    return words[words.index(name) :] if name is not None else words
 
 
 def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:

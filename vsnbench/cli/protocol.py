@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import safe
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -13,8 +15,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="""List, show and check protocols: the rules of the trials.
 
     vsnbench protocol list
@@ -28,7 +28,6 @@ app = typer.Typer(
 @app.command("list")
 def list_protocols(as_json: Json = False) -> None:
     """List the named protocols."""
-    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
     from vsnbench.protocol.named import NAMED
 
     if as_json:
@@ -53,8 +52,6 @@ def show(
 
     vsnbench protocol show onsite-instruction
     """
-    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.protocol.named import NAMED, load_protocol, parameter_rows
 
     parameters = load_protocol(protocol)
@@ -91,24 +88,13 @@ def check(
 
     faults = protocol_file_faults(file)
     if as_json:
-        print_json(
-            {
-                "file": file,
-                "faults": [
-                    {
-                        "line": fault.line,
-                        "field": ".".join(map(str, fault.path)),
-                        "problem": fault.problem,
-                        "code": fault.code,
-                    }
-                    for fault in faults
-                ],
-            }
-        )
+        found = [
+            {"line": fault.line, "field": ".".join(map(str, fault.path)), "problem": fault.problem, "code": fault.code}
+            for fault in faults
+        ]
+        print_json({"file": file, "faults": found})
     else:
-        for fault in faults:
-            typer.echo(f"error: {fault}")
-        typer.echo(f"{file}: {counted(len(faults), 'error')}")
+        typer.echo("\n".join([*(f"error: {fault}" for fault in faults), f"{file}: {counted(len(faults), 'error')}"]))
     if faults:
         raise typer.Exit(1)
 

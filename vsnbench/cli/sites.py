@@ -1,11 +1,16 @@
 """`vsnbench sites`: list, show, check, draw, render, generate, edit and export sites."""
 
+import signal
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.output import Json, print_files, print_json, print_result
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import SiteError, UsageError
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -13,8 +18,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="""List, show, check, draw and edit sites: surveyed places, one YAML file each.
 
     vsnbench sites list
@@ -48,8 +51,6 @@ def _site(name: str) -> "Site":
 @app.command("list")
 def list_sites(as_json: Json = False) -> None:
     """List the embedded sites."""
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.sites.site import embedded_sites, load_site
 
     sites = [(load_site(name), path) for name, path in embedded_sites().items()]
@@ -82,8 +83,6 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
 
     vsnbench sites show apartment
     """
-    from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.sites.categories import GOAL_CATEGORIES
     from vsnbench.sites.targets import targets_of
     from vsnbench.text.terminal import Console
@@ -95,28 +94,23 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
         print_json(content)
         return
     console = Console()
-    console.print(f"[bold]{site.name}[/bold]  {site.title}")
+    console.print(f"[bold]{safe(site.name)}[/bold]  {safe(site.title)}")
     console.print(f"{site.area_m2:.1f} m², ceiling {site.ceiling_height_m:g} m, content {site.sha256[:12]}")
     rooms = ", ".join(f"{room.name} {room.shape.area:.1f} m²" for room in site.rooms)
-    console.print(f"rooms: {rooms}", highlight=False)
+    console.print(f"rooms: {safe(rooms)}", highlight=False)
     doors = ", ".join(
         f"{door.name} {door.clear_width_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors
     )
-    console.print(f"doors: {doors or 'none'}\n", highlight=False)
+    console.print(f"doors: {safe(doors or 'none')}\n", highlight=False)
     instances = {goal: ", ".join(safe(thing.id) for thing in site.instances(goal)) for goal in GOAL_CATEGORIES}
     goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]
     print_list((ListColumn("goal"), prose_column("instances")), goals)
     typer.echo()
     if site.goals:
-        rows = [
-            (
-                goal.id,
-                goal.kind.value,
-                safe(goal.text or goal.category),
-                ", ".join(t.id for t in targets_of(site, goal.id)),
-            )
-            for goal in site.goals
-        ]
+        rows = []
+        for goal in site.goals:
+            targets = ", ".join(target.id for target in targets_of(site, goal.id))
+            rows.append((safe(goal.id), goal.kind.value, safe(goal.text or goal.category), safe(targets)))
         print_list((ListColumn("goal"), ListColumn("kind"), prose_column("words"), prose_column("targets")), rows)
         typer.echo()
     starts = []
@@ -138,17 +132,17 @@ def check(
 
     vsnbench sites check my-flat.yaml
     """
-    from vsnbench.errors import SiteError
     from vsnbench.robots.profiles import load_profile
     from vsnbench.site_checks.check import check_site, check_site_file
     from vsnbench.site_checks.finding import Severity, SiteFinding
 
     profile = load_profile(robot)
-    site, findings = (
-        check_site_file(site_name, profile.base.radius_m)
-        if not site_name.startswith(_FLAT)
-        else (flat := _site(site_name), check_site(flat, profile.base.radius_m))
-    )
+    radius_m = profile.base.radius_m
+    if not site_name.startswith(_FLAT):
+        site, findings = check_site_file(site_name, radius_m)
+    else:
+        site = _site(site_name)
+        findings = check_site(site, radius_m)
     name = site_name if site is None else site.name
     if site is not None and not any(finding.severity is Severity.ERROR for finding in findings):
         from vsnbench.simulator.scene import build_scene
@@ -158,14 +152,11 @@ def check(
         except SiteError as problem:
             findings.append(SiteFinding(Severity.ERROR, "unknown-look", f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
-    if as_json:
-        rows = [finding.content() for finding in findings]
-        print_json({"site": name, "robot": profile.name, "findings": rows})
-    else:
-        for finding in findings:
-            typer.echo(f"{finding.severity.value}: {finding.message}")
-        warnings = len(findings) - errors
-        typer.echo(f"{name} for {profile.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}")
+    fields = {"site": name, "robot": profile.name, "findings": [finding.content() for finding in findings]}
+    lines = [f"{finding.severity.value}: {finding.message}" for finding in findings]
+    warnings = len(findings) - errors
+    lines += [f"{name} for {profile.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}"]
+    print_result(fields, "\n".join(lines), as_json=as_json)
     if errors:
         raise typer.Exit(1)
 
@@ -191,7 +182,6 @@ def draw(
 
     vsnbench sites draw apartment --output plan.pdf --goal chair
     """
-    from vsnbench.errors import UsageError
     from vsnbench.protocol.judge import success_region
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.report.plan.floor_plan import PlanStyle, save_floor_plan
@@ -225,7 +215,6 @@ def render(
 
     vsnbench sites render apartment --output apartment.png
     """
-    from vsnbench.errors import UsageError
     from vsnbench.simulator.rendering.contact_sheet import contact_sheet, save_image
 
     site = _site(site_name)
@@ -258,7 +247,6 @@ def generate(
     vsnbench sites generate --seed 7
     vsnbench run --model oracle --goal chair --site flat-7.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.interop.site_file import site_yaml, write_site
     from vsnbench.simulator.generated_sites.generate import generate_site
 
@@ -288,10 +276,6 @@ def edit(
 
     vsnbench sites edit lab.yaml --underlay map.yaml
     """
-    import signal
-    import threading
-
-    from vsnbench.errors import UsageError
     from vsnbench.robots.profiles import load_profile
     from vsnbench.sites.site import embedded_sites
     from vsnbench.web.site_editor.editor import MAX_BODY_BYTES, SiteEditor
@@ -310,8 +294,7 @@ def edit(
     editor = SiteEditor(path, load_profile(robot), background)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    key, limit = SessionKey.new(), MAX_BODY_BYTES
-    with WebServer(editor.app(), key, port=port, max_body_bytes=limit) as server:
+    with WebServer(editor.app(), SessionKey.new(), port=port, max_body_bytes=MAX_BODY_BYTES) as server:
         typer.echo(f"editing {path} at {server.addresses[0]}")
         try:
             ended.wait()
@@ -333,7 +316,6 @@ def export_site(
 
     vsnbench sites export apartment --map apartment-map.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.interop.ros_map import write_ros_map
     from vsnbench.interop.site_map import map_of_site
 

@@ -6,9 +6,9 @@ Entities: `camera/rgb` (with `detections`), `camera/depth`, `plan/**`, `actions/
 
 import collections
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import rerun as rr
 
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
@@ -19,9 +19,6 @@ from vsnbench.viewer.blueprint import send_layout
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
-
-if TYPE_CHECKING:
-    import rerun as rr
 
 ACTION_RGBA = {
     Action.MOVE_FORWARD: 0x3C8DD9FF,
@@ -105,8 +102,6 @@ class EpisodeDrawing:
         self._log.set_time(step, None if stamp_s is None or first_s is None else stamp_s - first_s)
 
     def _step(self, entry: StepEntry) -> None:
-        import rerun as rr
-
         log = self._log.log
         stamp_s = entry.step.stamp_s
         self._set_time(entry.step.number, float(entry.step.number) if stamp_s is None else stamp_s)
@@ -135,13 +130,9 @@ class EpisodeDrawing:
         self._log_text("status", self._status_text(entry, distance))
 
     def _log_text(self, entity: str, text: str) -> None:
-        import rerun as rr
-
         self._log.log(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])
 
     def _detections(self, boxes: tuple[Box, ...]) -> None:
-        import rerun as rr
-
         if boxes or self._has_boxes:
             self._log.log(
                 "camera/rgb/detections",
@@ -154,8 +145,6 @@ class EpisodeDrawing:
         self._has_boxes = bool(boxes)
 
     def _decision(self, entry: StepEntry) -> None:
-        import rerun as rr
-
         diagnostics = entry.decision.diagnostics
         numbers = {f"p({name})": value for name, value in diagnostics.probabilities.items()} | dict(diagnostics.scalars)
         if numbers and not self._with_scores:
@@ -179,16 +168,12 @@ class EpisodeDrawing:
         )
 
     def _event(self, entry: EventEntry) -> None:
-        import rerun as rr
-
         self._set_time(entry.step, None)
         level = rr.TextLogLevel.WARN if entry.kind in WARNING_KINDS else rr.TextLogLevel.INFO
         author = f", by {entry.author}" if entry.author else ""
         self._log.stream.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{author}", level=level))
 
     def _end(self, entry: EndEntry) -> None:
-        import rerun as rr
-
         # One step after the last action, so that this action has a width in the lanes.
         self._set_time(entry.actions + 1, None)
         for lane in ("actions/action", "actions/outcome"):
@@ -232,8 +217,6 @@ class EpisodeDrawing:
 
 def _draw_curves(entities: StaticEntities, limit_m: float) -> None:
     """Log the style of the action lanes and of the distance curves."""
-    import rerun as rr
-
     for entity, colors in (
         ("action", {action.value: rgba for action, rgba in ACTION_RGBA.items()}),
         ("outcome", OUTCOME_RGBA),
@@ -292,7 +275,5 @@ def _table(rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
 
 
-def _markdown(text: str) -> "rr.TextDocument":
-    import rerun as rr
-
+def _markdown(text: str) -> rr.TextDocument:
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

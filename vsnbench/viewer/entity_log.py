@@ -4,26 +4,24 @@ Logging one value takes about 0.1 ms, a column of 60 values little more. A file 
 only a live viewer gets every step at once.
 """
 
-from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+import rerun as rr
 
 from vsnbench.viewer.blueprint import TIMELINE
-
-if TYPE_CHECKING:
-    import rerun as rr
 
 ROBOT_TIME: Final = "robot_time"
 STEPS_PER_COLUMN: Final = 64
 """Steps that are buffered at most, about 6 MB of images."""
 
 
-class EntityLog(ABC):
-    """Logs the entities of an episode, step after step."""
+class EntityLog:
+    """Logs the entities of an episode at once, step after step."""
 
-    def __init__(self, stream: "rr.RecordingStream") -> None:
+    def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
         """For what is logged once, outside time."""
 
@@ -33,21 +31,12 @@ class EntityLog(ABC):
         if robot_time_s is not None:
             self.stream.set_time(ROBOT_TIME, duration=robot_time_s)
 
-    @abstractmethod
     def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
         """Log an entity, with each component as a list of its instances."""
+        self.stream.log(entity, archetype.from_fields(**components))
 
     def flush(self) -> None:
-        """Send buffered values; nothing by default."""
-        return
-
-
-class ImmediateLog(EntityLog):
-    """Logs every value at once."""
-
-    def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
-        """Log an entity."""
-        self.stream.log(entity, archetype.from_fields(**components))
+        """Send buffered values, of which there are none here."""
 
 
 @dataclass(slots=True)
@@ -60,7 +49,7 @@ class _Rows:
 class ColumnLog(EntityLog):
     """Buffers values, and sends them as columns of `STEPS_PER_COLUMN` steps."""
 
-    def __init__(self, stream: "rr.RecordingStream") -> None:
+    def __init__(self, stream: rr.RecordingStream) -> None:
         super().__init__(stream)
         self._step = 0
         self._robot_time_s: float | None = None
@@ -79,7 +68,7 @@ class ColumnLog(EntityLog):
     def log(self, entity: str, archetype: Any, **components: Sequence[Any]) -> None:
         """Buffer an entity. Before the first robot time there are no columns, and it is logged at once."""
         if self._robot_time_s is None:
-            self.stream.log(entity, archetype.from_fields(**components))
+            super().log(entity, archetype, **components)
             return
         rows = self._rows[entity, archetype, tuple(components)]
         rows.steps.append(self._step)
@@ -89,13 +78,8 @@ class ColumnLog(EntityLog):
 
     def flush(self) -> None:
         """Send buffered values."""
-        import rerun as rr
-
         for (entity, archetype, _), rows in self._rows.items():
-            times = [
-                rr.TimeColumn(TIMELINE, sequence=rows.steps),
-                rr.TimeColumn(ROBOT_TIME, duration=rows.times_s),
-            ]
+            times = [rr.TimeColumn(TIMELINE, sequence=rows.steps), rr.TimeColumn(ROBOT_TIME, duration=rows.times_s)]
             columns = [
                 column for name, values in rows.components.items() for column in _columns(archetype, name, values)
             ]
@@ -104,6 +88,6 @@ class ColumnLog(EntityLog):
         self._buffered_steps = 0
 
 
-def _columns(archetype: Any, name: str, rows: Sequence[Sequence[Any]]) -> "list[rr.ComponentColumn]":
+def _columns(archetype: Any, name: str, rows: Sequence[Sequence[Any]]) -> list[rr.ComponentColumn]:
     columns = archetype.columns(**{name: [instance for row in rows for instance in row]})
     return list(columns.partition([len(row) for row in rows]))

@@ -3,7 +3,6 @@
 import logging
 import sys
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import UsageError
@@ -25,9 +24,7 @@ class RerunEpisodes:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._viewer is not None:
             self._viewer.close()
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, cast
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import atomic_file
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.viewer.blueprint import pair_blueprint
 from vsnbench.viewer.rebuild import cached_path
 from vsnbench.viewer.recording import APPLICATION
 from vsnbench.viewer.replay import read_episode
@@ -51,6 +50,7 @@ def pair_recording(results: ResultsDirectory, first: int, second: int) -> Path:
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
+    from vsnbench.viewer.blueprint import pair_blueprint
     from vsnbench.viewer.drawing import EpisodeDrawing
     from vsnbench.viewer.entity_log import ColumnLog
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import rerun as rr
 
 from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -22,7 +23,6 @@ from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, p
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
 if TYPE_CHECKING:
-    import rerun as rr
     from shapely.geometry.base import BaseGeometry
 
 START_RGB = (60, 60, 64)
@@ -50,8 +50,6 @@ class FloorPlan:
 
     def draw_site(self) -> None:
         """Log the static parts: site, goal instances, success zone and start."""
-        import rerun as rr
-
         header, stream = self._header, self._log.stream
         site, goal, parameters = header.site, header.goal, header.parameters
         key = ("site", site.sha256, goal, parameters)
@@ -70,8 +68,6 @@ class FloorPlan:
         Returns:
             Distance to the goal before the action in metres, or None if the site has no instance of it.
         """
-        import rerun as rr
-
         header = self._header
         here = self._robot.pose
         self._draw_robot(here)
@@ -95,8 +91,6 @@ class FloorPlan:
 
     def draw_end(self, verdict: Verdict) -> None:
         """Log the end position in the colour of the verdict."""
-        import rerun as rr
-
         here = self._robot.pose
         self._draw_robot(here)
         color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
@@ -106,15 +100,11 @@ class FloorPlan:
         )
 
     def _draw_robot(self, here: Pose) -> None:
-        import rerun as rr
-
         shell = _circle(here, self._header.robot_radius_m)
         self._log.log("plan/robot/shell", rr.LineStrips2D, strips=[shell], colors=[ROBOT_RGB], radii=[0.025])
         self._log.log("plan/robot/heading", rr.Arrows2D, **_heading_arrow(here, ROBOT_RGB, 0.45))
 
     def _log_contact(self, entry: StepEntry) -> None:
-        import rerun as rr
-
         collided = entry.step.result is not None and entry.step.result.collision is not None
         if not (entry.step.blocked or collided):
             return
@@ -130,8 +120,6 @@ class FloorPlan:
 
     def _log_diagnostics(self, entry: StepEntry) -> None:
         """Log the policy's map, nodes, path and sub-goal, transformed from the start's frame to the site's."""
-        import rerun as rr
-
         begin = self._header.begin.pose
         diagnostics = entry.decision.diagnostics
         if diagnostics.map is not None:
@@ -160,7 +148,7 @@ class FloorPlan:
         target = [] if diagnostics.sub_goal is None else [begin.compose(Pose(*diagnostics.sub_goal)).position]
         self._log_optional("plan/policy/sub_goal", rr.Points2D, positions=target, radii=[0.08])
 
-    def _log_optional(self, entity: str, archetype: "type[rr.AsComponents]", **components: Sequence[object]) -> None:
+    def _log_optional(self, entity: str, archetype: type[rr.AsComponents], **components: Sequence[object]) -> None:
         """Log an entity, or its removal if it was there before."""
         is_present = all(components.values())
         if is_present or entity in self._present:
@@ -170,8 +158,6 @@ class FloorPlan:
 
 def _draw_site(entities: StaticEntities, site: Site, goal: str, parameters: ProtocolParameters) -> None:
     """Log the plan, the goal's targets and the zone in which STOP succeeds."""
-    import rerun as rr
-
     log = entities.log
     log("plan", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
     log("plan/policy/map", rr.AnnotationContext(MAP_CLASSES), static=True)

@@ -75,9 +75,8 @@ def rebuild(replay: EpisodeReplay, path: Path) -> None:
     with EpisodeRecording(replay.header, path, rebuilding=True) as recording:
         for entry in replay.entries:
             recording.add(entry)
-    summary = recording.close()
-    if summary.path is None:
-        raise RecordError(f"cannot build {path}: {summary.error}")
+    if fault := recording.close():
+        raise RecordError(f"cannot build {path}: {fault}")
 
 
 def recording_fault(path: Path, uuid: str, end: EndEntry | None) -> str:

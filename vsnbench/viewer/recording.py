@@ -11,13 +11,11 @@ import os
 import queue
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from vsnbench.files.atomic import part_path, sweep_parts
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, StepEntry
+from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader
 from vsnbench.viewer.viewers import is_listening, rerun_is_installed
 
 if TYPE_CHECKING:
@@ -30,17 +28,6 @@ FILE_NAME = "episode.rrd"
 QUEUE_ENTRIES = 64
 ADD_TIMEOUT_S = 0.005
 CLOSE_TIMEOUT_S = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingSummary:
-    """Result of a recording."""
-
-    path: Path | None
-    """The finished file; None if it is incomplete and must be rebuilt."""
-    steps: int
-    dropped: int
-    error: str = ""
 
 
 class EpisodeRecording:
@@ -63,38 +50,39 @@ class EpisodeRecording:
         self._viewer_url = viewer_url
         self._add_timeout_s = None if rebuilding else ADD_TIMEOUT_S
         self._entries: queue.Queue[Entry | None] = queue.Queue(QUEUE_ENTRIES)
-        self._steps = 0
         self._dropped = 0
         self._error = ""
         self._ended = False
         self._abandoned = False
-        self._closed: RecordingSummary | None = None
+        self._fault: str | None = None
+        """What `close` returns; None before it."""
         self._worker = threading.Thread(target=self._work, name=f"rerun-{header.episode_id}", daemon=True)
         self._worker.start()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def add(self, entry: Entry) -> None:
         """Add a step, an event or the end. Never raises, and returns within `ADD_TIMEOUT_S`."""
-        if self._closed is not None or self._error:
+        if self._fault is not None or self._error:
             return
         try:
             self._entries.put(entry, timeout=self._add_timeout_s)
         except queue.Full:
             self._dropped += 1
 
-    def close(self) -> RecordingSummary:
+    def close(self) -> str:
         """Write the queued entries and finish the file. Further calls return the same result.
 
         A thread that hangs in Rerun or on a disk is abandoned after `CLOSE_TIMEOUT_S`.
+
+        Returns:
+            Why there is no file, which must then be rebuilt; empty if the file is complete.
         """
-        if self._closed is None:
+        if self._fault is None:
             deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
             with contextlib.suppress(queue.Full):
                 self._entries.put(None, timeout=None if self._rebuilding else CLOSE_TIMEOUT_S)
@@ -103,22 +91,20 @@ class EpisodeRecording:
                 self._abandoned = True
                 self._error = f"the recording was not finished after {CLOSE_TIMEOUT_S:g} s"
                 logger.warning("episode %d: %s", self._header.episode_id, self._error)
-            is_complete = (self._ended or self._rebuilding) and not self._dropped and not self._error
+            missing = f"{self._dropped} entries are missing in the Rerun recording" if self._dropped else ""
+            if missing:
+                logger.info("episode %d: %s", self._header.episode_id, missing)
+            ended = self._ended or self._rebuilding
+            fault = self._error or missing or ("" if ended else "the episode has not ended")
             try:
-                if is_complete:
-                    self._part.replace(self._path)
-                else:
+                if fault:
                     self._part.unlink(missing_ok=True)
+                else:
+                    self._part.replace(self._path)
             except OSError as error:
-                is_complete, self._error = False, self._error or str(error)
-            if self._dropped:
-                logger.info(
-                    "episode %d: %d entries are missing in the Rerun recording", self._header.episode_id, self._dropped
-                )
-            self._closed = RecordingSummary(
-                self._path if is_complete else None, self._steps, self._dropped, self._error
-            )
-        return self._closed
+                fault = fault or str(error)
+            self._fault = fault
+        return self._fault
 
     def _work(self) -> None:
         try:
@@ -133,6 +119,7 @@ class EpisodeRecording:
             pass
 
     def _write(self) -> None:
+        os.environ.setdefault("RUST_LOG", "off")  # keeps Rerun's own log messages off stderr
         from vsnbench.viewer.rerun_internals import free_unused_streams
 
         try:
@@ -142,7 +129,7 @@ class EpisodeRecording:
 
     def _log(self) -> None:
         from vsnbench.viewer.drawing import EpisodeDrawing
-        from vsnbench.viewer.entity_log import ColumnLog, ImmediateLog
+        from vsnbench.viewer.entity_log import ColumnLog, EntityLog
 
         self._part.parent.mkdir(parents=True, exist_ok=True)
         sweep_parts(self._path.parent, self._path.name)
@@ -152,11 +139,10 @@ class EpisodeRecording:
         try:
             drawings = [EpisodeDrawing(ColumnLog(recording), self._header)]
             if live is not None:
-                drawings.append(EpisodeDrawing(ImmediateLog(live), self._header))
+                drawings.append(EpisodeDrawing(EntityLog(live), self._header))
             while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
                     drawing.draw(entry)
-                self._steps += isinstance(entry, StepEntry)
                 self._ended |= isinstance(entry, EndEntry)
             for drawing in drawings:
                 drawing.finish()
@@ -170,8 +156,6 @@ class EpisodeRecording:
 
 def open_recording(header: EpisodeHeader, path: Path) -> "rr.RecordingStream":
     """Return a stream to a file."""
-    # Keeps Rerun's own log messages off stderr.
-    os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     recording = rr.RecordingStream(APPLICATION, recording_id=header.uuid)

@@ -4,29 +4,24 @@
 the API changes.
 """
 
-from typing import TYPE_CHECKING
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings as bindings
 
 from vsnbench.viewer.static_entities import StaticEntities
 
-if TYPE_CHECKING:
-    import rerun as rr
-    import rerun.blueprint as rrb
 
-
-def convert_blueprint(blueprint: "rrb.Blueprint", entities: StaticEntities) -> None:
+def convert_blueprint(blueprint: rrb.Blueprint, entities: StaticEntities) -> None:
     """Log a blueprint into a cache. The public API logs it into a stream of its own only."""
     blueprint._log_to_stream(entities)  # noqa: SLF001
 
 
-def send_blueprint(recording: "rr.RecordingStream", blueprint: StaticEntities) -> None:
+def send_blueprint(recording: rr.RecordingStream, blueprint: StaticEntities) -> None:
     """Send a converted blueprint to a recording.
 
     The public `send_blueprint` creates a stream in memory that it never disconnects, which costs two threads and a
     megabyte per call.
     """
-    import rerun as rr
-    import rerun_bindings as bindings
-
     stream = rr.RecordingStream._from_native(  # noqa: SLF001
         bindings.new_blueprint(
             application_id=recording.get_application_id() or "",
@@ -44,6 +39,4 @@ def send_blueprint(recording: "rr.RecordingStream", blueprint: StaticEntities) -
 
 def free_unused_streams() -> None:
     """Free the threads and buffers of streams without references. Rerun keeps them until this call."""
-    import rerun_bindings
-
-    rerun_bindings.flush_and_cleanup_orphaned_recordings()
+    bindings.flush_and_cleanup_orphaned_recordings()

@@ -4,10 +4,8 @@ Converting colours, outlines and layouts for Rerun takes longer than logging an 
 """
 
 from collections.abc import Callable, Hashable, Iterable
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import rerun as rr
+import rerun as rr
 
 _CACHE: "dict[Hashable, StaticEntities]" = {}
 _MAX_CACHED = 64
@@ -23,12 +21,10 @@ class StaticEntities:
     def log(
         self,
         entity: str,
-        *parts: "rr.AsComponents | Iterable[rr.DescribedComponentBatch]",
+        *parts: rr.AsComponents | Iterable[rr.DescribedComponentBatch],
         static: bool = False,
     ) -> None:
         """Store an entity."""
-        import rerun as rr
-
         batches = [
             batch
             for part in parts
@@ -36,7 +32,7 @@ class StaticEntities:
         ]
         self._entities.append((entity, batches, static))
 
-    def send(self, stream: "rr.RecordingStream") -> None:
+    def send(self, stream: rr.RecordingStream) -> None:
         """Log all entities to a stream."""
         for entity, batches, static in self._entities:
             stream.log(entity, batches, static=static)

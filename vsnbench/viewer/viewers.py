@@ -11,7 +11,6 @@ import subprocess
 import time
 import urllib.parse
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import UsageError, VsnbenchError
@@ -59,15 +58,13 @@ class Viewer:
         try:
             self._wait_until_listening(wait_port)
         except BaseException:
-            self._end_process()
+            Viewer.close(self)
             raise
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -81,9 +78,6 @@ class Viewer:
 
     def close(self) -> None:
         """End the viewer."""
-        self._end_process()
-
-    def _end_process(self) -> None:
         self._process.terminate()
         try:
             self._process.wait(5)

@@ -90,6 +90,16 @@ def test_only_what_the_command_line_has_is_shown_as_an_option(
     assert "look_ahead_m, half_width_m" in error
 
 
+def test_a_default_with_markup_is_shown_as_it_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    method = 'def __init__(self, name="[/b] [m]"):\n        pass\n'
+    (tmp_path / "marked.py").write_text(f"from vsnbench import Policy\nclass Marked(Policy):\n    {method}")
+    monkeypatch.chdir(tmp_path)
+    assert vsnbench(monkeypatch, "models", "show", "marked:Marked") == 0
+    assert "Marked(name='[/b] [m]')" in capsys.readouterr().out
+
+
 def test_a_check_says_what_is_in_the_weights_and_how_the_engines_compare(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return Runs(folder, (codes[0], codes[1]), (texts[0], texts[1]))
 
 
+def test_a_stress_test_crops_as_a_run_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "vsnbench.toml").write_text('[models]\nfit = "crop"\n')
+    monkeypatch.chdir(tmp_path)
+    words = ("--model", NARROW, "--goal", "chair", "--starts", "1", "--max-steps", "3", "--workers", "1")
+    done = vsnbench(tmp_path, "stress", *words, "--disturb", "low_light", "--severity", "5")
+    assert done.returncode == 0, done.stderr
+    with open_record(sqlite_url(tmp_path / "vsnbench.db")) as engine:
+        conditions = [episode_details(engine, number).provenance.conditions for number in (1, 2)]
+    assert all("fit" in each for each in conditions)
+
+
 def test_a_cropped_run_is_a_condition_of_its_own(runs: Runs) -> None:
     assert runs.codes == (0, 0)
     with open_record(sqlite_url(runs.folder / "vsnbench.db")) as engine:

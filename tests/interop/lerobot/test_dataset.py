@@ -19,7 +19,7 @@ import pytest
 
 from tests.cli.test_record_verbs import vsnbench
 from tests.sites.goal_sites import write_site
-from vsnbench.cli.results.lerobot_export import LeRobotRequest, LeRobotSummary, export_lerobot
+from vsnbench.cli.results.lerobot_export import LeRobotSummary, export_lerobot
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.interop.lerobot import dataset
 from vsnbench.interop.lerobot.dataset import packed
@@ -72,7 +72,7 @@ def exported(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def export(results: Path, directory: Path, *numbers: int, depth: bool = False) -> LeRobotSummary:
-    return export_lerobot(ResultsDirectory.locate(results, None), LeRobotRequest(directory, numbers, (), (), depth))
+    return export_lerobot(ResultsDirectory.locate(results, None), directory, numbers, with_depth=depth)
 
 
 def info(directory: Path) -> dict[str, Any]:

@@ -1,13 +1,14 @@
 """`vsnbench bundle`: results in one file that another person can check."""
 
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_numbers
-from vsnbench.cli.support.options import Campaigns, Database, Results
+from vsnbench.cli.support.options import Campaigns, Database, Results, results_directory
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
@@ -56,19 +57,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench bundle --campaign 1 --without images numbers.zip
         vsnbench bundle --study 1 --sign ~/.ssh/id_ed25519 study.zip
     """
-    from dataclasses import asdict
-
     from vsnbench.bundle.make import BundleRequest, make_bundle
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.config import load_config
-    from vsnbench.results.files.directory import ResultsDirectory
 
     if without not in ("", _IMAGES):
         raise UsageError(f"--without {without}: unknown value", advice=f"give {_IMAGES}", code="unknown-value")
     numbers = split_numbers(campaign, "--campaign", "1,3-5")
     if bool(study) == bool(numbers):
         raise UsageError("give either --study or --campaign", advice="`vsnbench db status` lists the campaigns")
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     select, note = _selection(study, numbers, place)
     request = BundleRequest(select, load_config().bundle, note, not without, with_weights, key)
     with ProgressBars() as progress:

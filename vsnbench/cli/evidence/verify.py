@@ -5,8 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, print_list
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import page, safe
 from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
     from vsnbench.verification.checks import Verification
@@ -91,10 +94,6 @@ def _fields(found: "Verification") -> dict[str, Any]:
 
 
 def _print(found: "Verification") -> None:
-    from vsnbench.cli.support.listing import ListColumn, print_list
-    from vsnbench.cli.support.terminal import page, safe
-    from vsnbench.text.sanitize import counted
-
     columns = (
         ListColumn("check"),
         ListColumn("items"),

@@ -1,13 +1,16 @@
 """`vsnbench judge`: judge recorded episodes; earlier verdicts stay in the record."""
 
-import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
-from vsnbench.cli.support.output import Json, is_quiet, print_json
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.options import Database, Results, options_under, results_directory
+from vsnbench.cli.support.output import Json, confirm, print_json, print_result
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
@@ -15,35 +18,23 @@ if TYPE_CHECKING:
     from vsnbench.runner.judging.decision import Answer
     from vsnbench.runner.operator.contract import Judgement
 
-_ANSWER = "Judgement (one of these)"
-_SECOND = "Blind second judgement"
+_answer_option = options_under("Judgement (one of these)")
+_second_option = options_under("Blind second judgement")
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     number: Annotated[int | None, typer.Argument(help="Number of the episode.", min=1)] = None,
     distance: Annotated[
         str | None,
-        typer.Option(
-            "--distance",
-            help="Distance to the nearest goal instance by tape measure, in metres.",
-            rich_help_panel=_ANSWER,
-        ),
+        _answer_option("--distance", help="Distance to the nearest goal instance by tape measure, in metres."),
     ] = None,
     collision: Annotated[
-        str | None,
-        typer.Option(
-            "--collision", help="Object that the robot touched without detecting it.", rich_help_panel=_ANSWER
-        ),
+        str | None, _answer_option("--collision", help="Object that the robot touched without detecting it.")
     ] = None,
     void: Annotated[
-        str | None,
-        typer.Option(
-            "--void", help="Reason why the episode is not a result; its trial runs again.", rich_help_panel=_ANSWER
-        ),
+        str | None, _answer_option("--void", help="Reason why the episode is not a result; its trial runs again.")
     ] = None,
-    confirm: Annotated[
-        bool, typer.Option("--confirm", help="Accept the proposed verdict.", rich_help_panel=_ANSWER)
-    ] = False,
+    confirm: Annotated[bool, _answer_option("--confirm", help="Accept the proposed verdict.")] = False,
     note: Annotated[str, typer.Option("--note", help="Note for the record.")] = "",
     yes: Annotated[
         bool,
@@ -54,30 +45,21 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     pending: Annotated[bool, typer.Option("--pending", help="List episodes that await judgement.")] = False,
     second: Annotated[
         str | None,
-        typer.Option(
+        _second_option(
             "--second",
             metavar="RATER",
             help="Judge as a second person, without the first verdict and the model's name. Without an episode: in a "
             "browser.",
-            rich_help_panel=_SECOND,
         ),
     ] = None,
     sample: Annotated[
-        int | None,
-        typer.Option(
-            "--sample", min=1, show_default="all", help="Number of episodes, drawn at random.", rich_help_panel=_SECOND
-        ),
+        int | None, _second_option("--sample", min=1, show_default="all", help="Number of episodes, drawn at random.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of sample and order.", rich_help_panel=_SECOND)] = 0,
+    seed: Annotated[int, _second_option("--seed", help="Seed of sample and order.")] = 0,
     port: Annotated[
-        int,
-        typer.Option(
-            "--port", min=0, max=65535, help="Port of the page; 0 for any free port.", rich_help_panel=_SECOND
-        ),
+        int, _second_option("--port", min=0, max=65535, help="Port of the page; 0 for any free port.")
     ] = 8730,
-    retract: Annotated[
-        bool, typer.Option("--retract", help="Retract the rater's answer.", rich_help_panel=_SECOND)
-    ] = False,
+    retract: Annotated[bool, _second_option("--retract", help="Retract the rater's answer.")] = False,
     as_json: Json = False,
     results: Results = None,
     db: Database = None,
@@ -96,11 +78,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench judge 17 --void "a visitor moved the chair" --yes
         vsnbench judge --second Grace --sample 40
     """
-    from vsnbench.errors import UsageError
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.judging.decision import Answer, AnswerKind
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     given = {
         "--distance": (AnswerKind.MEASURED, distance),
         "--collision": (AnswerKind.COLLISION, collision),
@@ -109,12 +89,19 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     }
     answers = {option: Answer(kind, text, note) for option, (kind, text) in given.items() if text is not None}
     if second is not None:
-        from vsnbench.cli.judging.second_judge import SecondOptions, judge_second
+        from vsnbench.cli.judging.second_judge import answer_second, serve_second
 
         if pending or yes:
             raise UsageError(f"--second does not go with {'--pending' if pending else '--yes'}", advice="leave it out")
-        options = SecondOptions(sample, seed, port, retract)
-        judge_second(place, second, number, answers, options, as_json=as_json)
+        if number is None:
+            if answers or retract:
+                option = next(iter(answers), "--retract")
+                raise UsageError(f"{option} needs an episode", advice="give its number, or leave it out for the page")
+            serve_second(place, second, sample=sample, seed=seed, port=port, as_json=as_json)
+            return
+        if sample is not None:
+            raise UsageError("--sample is for the page", advice="leave out the number of the episode")
+        answer_second(place, second, number, tuple(answers.values()), retract=retract, as_json=as_json)
         return
     if sample is not None or retract:
         raise UsageError(f"{'--retract' if retract else '--sample'} goes with --second RATER")
@@ -137,7 +124,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
 
 def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: bool, as_json: bool) -> None:
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.reading.queries import episode_details
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
@@ -151,33 +137,23 @@ def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: boo
     with Journal.open(place.database_url, provenance) as journal:
         seen = len(details.verdicts)
         journal.judge(number, verdict, author=provenance.operator, note=judgement.note, seen=seen)
-    if as_json:
-        fields = {"end_reason": verdict.end_reason.value, "success": verdict.success, "verdict": verdict.text}
-        print_json({"id": number, **fields, "author": provenance.operator, "note": judgement.note})
-        return
-    typer.echo(f"episode {number} judged by {safe(provenance.operator)}: {safe(verdict.text)}")
+    fields = {"id": number, "end_reason": verdict.end_reason, "success": verdict.success, "verdict": verdict.text}
+    text = f"episode {number} judged by {safe(provenance.operator)}: {safe(verdict.text)}"
+    print_result(fields | {"author": provenance.operator, "note": judgement.note}, text, as_json=as_json)
 
 
 def _decided(case: "Case", answer: "Answer") -> "Judgement":
     """Return the judgement; ask for a confirmation on a terminal if the answer needs one."""
-    from vsnbench.errors import UsageError
     from vsnbench.runner.judging.decision import UnconfirmedAnswerError, decide
-    from vsnbench.text.sanitize import sanitize
 
     try:
         return decide(case, answer)
     except UnconfirmedAnswerError as doubt:
-        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-            raise UsageError(doubt.statement, advice="nothing was written; add --yes to confirm") from doubt
-        if not typer.confirm(f"{sanitize(doubt.statement)}. Confirm?", err=True):
-            typer.echo("nothing was written", err=True)
-            raise typer.Exit(1) from doubt
+        confirm(doubt.statement, f"{sanitize(doubt.statement)}. Confirm?", "nothing was written")
         return decide(case, replace(answer, is_confirmed=True))
 
 
 def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.protocol.judge import EndReason
     from vsnbench.results.reading.queries import pending_episodes
     from vsnbench.results.schema.migrate import open_record
@@ -185,22 +161,8 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     with open_record(place.database_url) as engine:
         pending = pending_episodes(engine)
     if as_json:
-        pending_fields = [
-            {
-                "id": episode.id,
-                "model": episode.model,
-                "robot": episode.robot,
-                "goal": episode.goal,
-                "start": episode.start,
-                "repetition": episode.repetition,
-                "origin": episode.origin,
-                "proposal": episode.proposal,
-                "proposed_success": episode.proposed_success,
-                "ended_at": episode.ended_at.isoformat(),
-            }
-            for episode in pending
-        ]
-        print_json(pending_fields)
+        fields = [asdict(episode) for episode in pending]
+        print_json([{name: value for name, value in each.items() if name != "end_reason"} for each in fields])
         return
     if not pending:
         typer.echo("no episode awaits judgement", err=True)

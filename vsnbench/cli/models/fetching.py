@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.output import Json, is_quiet, print_files
+from vsnbench.errors import UsageError
 from vsnbench.text.terminal import Console
 
 
@@ -45,7 +46,6 @@ def fetch(
         vsnbench models fetch mask-rcnn
         vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
     """
-    from vsnbench.errors import UsageError
     from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
     from vsnbench.models.vlv.detectors.centernet import package as coco_package
     from vsnbench.models.vlv.detectors.choosing import ONNX_FILE
@@ -77,21 +77,17 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
     """Download a file. Returns its path, its licence, the next command, and whether it is new."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 
-    from vsnbench.errors import UsageError
     from vsnbench.models.checkpoints.fetching import fetch as download
-    from vsnbench.models.checkpoints.published import PUBLISHED
+    from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
     from vsnbench.models.checkpoints.weights import weights_directory
     from vsnbench.models.description import describe_model
 
-    published = PUBLISHED.get(name)
-    model = published.model if published is not None else name
-    file_name = published.file_name if published is not None else describe_model(name).weights_file
-    if not file_name:
+    file = PUBLISHED.get(name) or PublishedFile(name, describe_model(name).weights_file, url="", licence="")
+    if not file.file_name:
         raise UsageError(f"model {name} has no weights to fetch")
-    address = url or (published.url if published is not None else "")
-    known = sha256 or (published.sha256 if published is not None else "")
+    address, known = url or file.url, sha256 or file.sha256
     if not address:
-        named = [other for other, file in PUBLISHED.items() if (file.model, file.file_name) == (name, file_name)]
+        named = [key for key, other in PUBLISHED.items() if (other.model, other.file_name) == (name, file.file_name)]
         advice = f"fetch {' or '.join(named)}, or give URL" if named else "give URL"
         raise UsageError(f"no address is published for {name}", advice=advice, code="address-missing")
     if not known:
@@ -100,11 +96,11 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
             advice="give --sha256 HASH, from `sha256sum` of a copy that you trust",
             code="hash-missing",
         )
-    destination = weights_directory() / file_name
+    destination = weights_directory() / file.file_name
     console = Console(stderr=True)
     columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    task = bar.add_task(file_name, total=None)
+    task = bar.add_task(file.file_name, total=None)
 
     def progress(received_bytes: int, total_bytes: int | None) -> None:
         bar.start()
@@ -114,6 +110,6 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
         fetched = download(address, destination, known, progress, known_digits=64 if sha256 else len(known))
     finally:
         bar.stop()
-    is_checked = file_name == describe_model(model).weights_file
-    next_command = f"vsnbench models check {model}" if is_checked else f"vsnbench run --model {model} --starts 1"
-    return destination, published.licence if published is not None else "", next_command, fetched
+    is_checked = file.file_name == describe_model(file.model).weights_file
+    next_command = f"models check {file.model}" if is_checked else f"run --model {file.model} --starts 1"
+    return destination, file.licence, f"vsnbench {next_command}", fetched

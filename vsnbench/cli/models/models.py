@@ -1,6 +1,7 @@
 """`vsnbench models`: create, list, show, check, serve and fetch models."""
 
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,14 +9,15 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from vsnbench.cli.models.cards import card_json, card_rows, comparison_json, comparison_rows
+from vsnbench.cli.models.cards import card_json, card_rows
 from vsnbench.cli.models.fetching import fetch
-from vsnbench.cli.models.serving import check_against_contract, check_served, serve
+from vsnbench.cli.models.serving import check_against_contract, print_findings, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
-from vsnbench.cli.support.options import Protocol
+from vsnbench.cli.support.options import Protocol, configured_option
 from vsnbench.cli.support.output import Json, print_files, print_json
 from vsnbench.cli.support.terminal import safe
-from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT
+from vsnbench.errors import ModelError
 from vsnbench.text.terminal import Console
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from vsnbench.models.description import ModelDescription
     from vsnbench.values.robot_profile import RobotProfile
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 ModelName = Annotated[str, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")]
 
@@ -63,7 +65,6 @@ def list_models(as_json: Json = False) -> None:
         vsnbench models list
         vsnbench models list --json
     """
-    from vsnbench.errors import ModelError
     from vsnbench.models.description import describe_model
     from vsnbench.models.names import known_models
 
@@ -104,31 +105,27 @@ def show(name: ModelName, as_json: Json = False) -> None:
         print_json(_description_json(model))
         return
     console = Console()
-    console.print(f"[bold]{model.name}[/bold]: {model.summary}\n", highlight=False)
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("class", model.where)
-    grid.add_row("goals", _goals(model))
-    for row in card_rows(model.card):
-        grid.add_row(*row)
+    console.print(f"[bold]{escape(model.name)}[/bold]: {escape(model.summary)}\n", highlight=False)
+    rows = [("class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
     if model.sensors:
-        grid.add_row("sensors", ", ".join(model.sensors))
+        rows.append(("sensors", ", ".join(model.sensors)))
     flags, others = _keywords(model)
-    grid.add_row("options", ", ".join(flags) or "none")
+    rows.append(("options", ", ".join(flags) or "none"))
     if others:
-        grid.add_row("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})")
-    grid.add_row("weights", _weights_state(model))
+        rows.append(("in Python", f"{model.where.partition(':')[2]}({', '.join(others)})"))
+    rows = [*((name, escape(value)) for name, value in rows), ("weights", _weights_state(model))]
     if model.weights_file:
         from vsnbench.models.checkpoints.weights import weights_directory
 
-        grid.add_row("", f"searched at {weights_directory() / model.weights_file}")
-    console.print(grid, highlight=False, soft_wrap=True)
+        rows.append(("", f"searched at {escape(str(weights_directory() / model.weights_file))}"))
+    _print_rows(console, rows)
     if model.settings_class is not None:
         console.print("\n[bold]Settings[/bold] (YAML file of --model-config)", highlight=False)
         table = Table(box=None, pad_edge=False, header_style="bold")
         for heading in ("setting", "default", "meaning"):
             table.add_column(heading, overflow="fold")
-        for field, default, meaning in _settings_of(model):
-            table.add_row(field, default, meaning)
+        for row in _settings_of(model):
+            table.add_row(*map(escape, row))
         console.print(table, highlight=False)
 
 
@@ -146,12 +143,8 @@ def check(
     protocol: Protocol = BUILT_IN_PROTOCOL,
     robot: Annotated[
         str,
-        typer.Option(
-            "--robot",
-            "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
-            help="Robot whose camera is compared with the one that the model was trained with.",
+        configured_option(
+            "robot", "-r", help="Robot whose camera is compared with the one that the model was trained with."
         ),
     ] = BUILT_IN_ROBOT,
     as_json: Json = False,
@@ -171,6 +164,7 @@ def check(
         vsnbench models check ws://127.0.0.1:8765
         vsnbench models check vlv --robot turtlebot4
     """
+    from vsnbench.models.camera_fit import camera_differences
     from vsnbench.models.description import describe_model
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
@@ -179,12 +173,14 @@ def check(
 
     parameters, profile = load_protocol(protocol), profile_of(robot)
     if name.startswith(("ws://", "wss://")):
-        check_served(name, model_config, parameters, profile, as_json=as_json)
+        from vsnbench.models.remote.checking import check_server
+
+        print_findings(check_server(name, model_config, parameters, profile), as_json=as_json)
         return
     if not describe_model(name).can_check:
         given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
         options = {option: value for option, value in given.items() if value is not None}
-        check_against_contract(name, options, parameters, profile, as_json=as_json)
+        print_findings(check_against_contract(name, options, parameters, profile), as_json=as_json)
         return
     _, factory = locate(name)
     report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
@@ -192,7 +188,10 @@ def check(
     if card is not None:
         warn_of_assumptions(card, parameters)
     if as_json:
-        print_json({**_check_json(report), **card_json(card), **comparison_json(card, profile)})
+        compared = None
+        if card is not None and card.camera is not None and profile is not None:
+            compared = [asdict(difference) for difference in camera_differences(card, profile.camera)]
+        print_json({**_check_json(report), **card_json(card), "camera_differences": compared})
     else:
         _print_check(report, card, profile)
 
@@ -270,21 +269,24 @@ def _check_json(report: "ModelCheck") -> dict[str, Any]:
 
 def _print_check(report: "ModelCheck", card: "ModelCard | None", profile: "RobotProfile | None") -> None:
     console = Console()
-    console.print(f"[bold]{report.weights}[/bold]", highlight=False, soft_wrap=True)
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("sha256", report.sha256)
-    grid.add_row("size", f"{report.size_bytes / 1e6:.1f} MB")
-    for fact, value in report.facts.items():
-        grid.add_row(fact.replace("_", " "), _fact_text(value))
-    for row in (*card_rows(card), *comparison_rows(card, profile)):
-        grid.add_row(*row)
-    grid.add_row("engine", report.chosen_engine)
-    grid.add_row("parity", _parity_text(report))
+    console.print(f"[bold]{escape(str(report.weights))}[/bold]", highlight=False, soft_wrap=True)
+    rows = [("sha256", report.sha256), ("size", f"{report.size_bytes / 1e6:.1f} MB")]
+    rows += [(fact.replace("_", " "), escape(_fact_text(value))) for fact, value in report.facts.items()]
+    rows += [(name, escape(value)) for name, value in card_rows(card, profile)]
+    rows += [("engine", escape(report.chosen_engine)), ("parity", _parity_text(report))]
     for timing in report.timings:
-        grid.add_row("time", f"{timing.median_ms:.1f} ms per step, median of {timing.steps}: {timing.engine}")
+        rows.append(("time", f"{timing.median_ms:.1f} ms per step, median of {timing.steps}: {escape(timing.engine)}"))
     if len(report.timings) == 2:
         reference, chosen = report.timings
-        grid.add_row("", f"{reference.median_ms / chosen.median_ms:.2f} times the speed of the reference")
+        rows.append(("", f"{reference.median_ms / chosen.median_ms:.2f} times the speed of the reference"))
+    _print_rows(console, rows)
+
+
+def _print_rows(console: Console, rows: list[tuple[str, str]]) -> None:
+    """Print names and values, with the values in rich's markup."""
+    grid = Table.grid(padding=(0, 2))
+    for row in rows:
+        grid.add_row(*row)
     console.print(grid, highlight=False, soft_wrap=True)
 
 

@@ -1,20 +1,23 @@
 """`vsnbench models serve`, and the checks of `models check` for classes and servers."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vsnbench.cli.support.options import options_under
 from vsnbench.cli.support.output import print_json
 from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.models.contract_check import ContractFinding
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.values.robot_profile import RobotProfile
 
-_ADDRESS = "Address"
+_address_option = options_under("Address")
 
 
 def serve(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -22,23 +25,14 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         str | None, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")
     ] = None,
     host: Annotated[
-        str,
-        typer.Option(
-            "--host", help="Address to listen on; others than loopback need $VSNBENCH_TOKEN.", rich_help_panel=_ADDRESS
-        ),
+        str, _address_option("--host", help="Address to listen on; others than loopback need $VSNBENCH_TOKEN.")
     ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port; 0 for any free port.", rich_help_panel=_ADDRESS)
-    ] = 8765,
+    port: Annotated[int, _address_option("--port", min=0, max=65535, help="Port; 0 for any free port.")] = 8765,
     unix_path: Annotated[
-        Path | None, typer.Option("--unix-path", help="Socket file instead of host and port.", rich_help_panel=_ADDRESS)
+        Path | None, _address_option("--unix-path", help="Socket file instead of host and port.")
     ] = None,
-    certificate: Annotated[
-        Path | None, typer.Option("--certificate", help="PEM file for wss://.", rich_help_panel=_ADDRESS)
-    ] = None,
-    key: Annotated[
-        Path | None, typer.Option("--key", help="PEM file of the certificate's private key.", rich_help_panel=_ADDRESS)
-    ] = None,
+    certificate: Annotated[Path | None, _address_option("--certificate", help="PEM file for wss://.")] = None,
+    key: Annotated[Path | None, _address_option("--key", help="PEM file of the certificate's private key.")] = None,
     weights: Annotated[Path | None, typer.Option("--weights", "-w", help="File of the weights, or 'embedded'.")] = None,
     model_config: Annotated[
         Path | None, typer.Option("--model-config", help="YAML file of the model's settings.")
@@ -98,29 +92,10 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
         raise UsageError(f"cannot serve {model} at {unix_path or f'{host}:{port}'}: {error}") from error
 
 
-def check_served(
-    url: str,
-    model_config: Path | None,
-    parameters: "ProtocolParameters",
-    profile: "RobotProfile | None",
-    *,
-    as_json: bool,
-) -> None:
-    """Check a model server and print the results; exit code 1 if a check fails."""
-    from vsnbench.models.remote.checking import check_server
-
-    print_findings(check_server(url, model_config, parameters, profile), as_json=as_json)
-
-
 def check_against_contract(
-    name: str,
-    options: dict[str, Any],
-    parameters: "ProtocolParameters",
-    profile: "RobotProfile | None",
-    *,
-    as_json: bool,
-) -> None:
-    """Check a policy in this process and print the results; exit code 1 if a check fails."""
+    name: str, options: dict[str, Any], parameters: "ProtocolParameters", profile: "RobotProfile | None"
+) -> "tuple[ContractFinding, ...]":
+    """Check a policy in this process."""
     from vsnbench.models.contract_check import camera_findings, check_policy
     from vsnbench.models.process_exit import process_exit_refused
     from vsnbench.models.registry import create_policy
@@ -135,20 +110,16 @@ def check_against_contract(
                     advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
                 )
             warn_of_assumptions(policy.card, parameters)
-            findings = (*check_policy(policy), *camera_findings(policy, profile))
+            return (*check_policy(policy), *camera_findings(policy, profile))
         finally:
             close_policy(policy)
-    print_findings(findings, as_json=as_json)
 
 
 def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
     """Print the results of checks; exit code 1 if a check failed."""
-    from dataclasses import asdict
-
     from rich.markup import escape
     from rich.table import Table
 
-    from vsnbench.text.sanitize import sanitize
     from vsnbench.text.terminal import Console
 
     if as_json:
@@ -164,7 +135,6 @@ def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> N
 
 
 def _write_stub(directory: Path) -> None:
-    from vsnbench.errors import UsageError
     from vsnbench.models.remote import vsnbench_policy
 
     source = Path(vsnbench_policy.__file__)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.options import Database, Results, open_results
 
 
 def command(
@@ -23,14 +23,11 @@ def command(
         vsnbench browse
         vsnbench browse --results /data/monday --port 0
     """
-    from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.results.schema.migrate import open_record
     from vsnbench.web.results_browser.app import BrowserApp
     from vsnbench.web_server.server import WebServer
     from vsnbench.web_server.session_key import SessionKey
 
-    place = ResultsDirectory.locate(results, db)
-    with open_record(place.database_url) as engine, closing(BrowserApp(place, engine)) as app:
+    with open_results(results, db) as (place, engine), closing(BrowserApp(place, engine)) as app:
         key = SessionKey.stored(f"browse {place.path.resolve()} {port}")
         app.prepare()
         with WebServer(app.routes(), key, port=port) as server:

@@ -1,13 +1,16 @@
 """`vsnbench compare`: tests of the differences between models."""
 
+import json
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.results.report import print_tables_as
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Results, Robots, Sites, results_directory
 from vsnbench.cli.support.output import Json
 
 if TYPE_CHECKING:
@@ -69,7 +72,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.report.build import read
     from vsnbench.report.comparison.compare import compare, find_condition
     from vsnbench.report.comparison.ranking import ranking_of
-    from vsnbench.results.files.directory import ResultsDirectory
 
     published, place = published_results(), None
     if all(name.startswith("paper:") for name in models):
@@ -77,7 +79,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
         record = empty_report_data()
     else:
-        place = ResultsDirectory.locate(results, db)
+        place = results_directory(results, db)
         selection = Selection(
             goals=split_list(goal),
             sites=split_list(site),
@@ -86,20 +88,18 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         )
         record = read(place.database_url, selection, place.path)
     summarised = summarise(record)
-    if place is not None:
-        record = _with_courses(record, [find_condition(name, summarised, published) for name in models], place)
-    found = compare(record, summarised, models, by_goal=by_goal, published=published)
     summaries = [find_condition(name, summarised, published) for name in models]
+    if place is not None:
+        record = _with_courses(record, summaries, place)
+    found = compare(record, summarised, models, by_goal=by_goal, published=published)
     form = Format.JSON if as_json else form
-    _print_comparisons(form.value, found, ranking_of(summaries, found), summaries, record)
+    _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)
 
 
 def _with_courses(
     record: "ReportData", chosen: "Sequence[ConditionSummary]", place: "ResultsDirectory"
 ) -> "ReportData":
     """Return the record with the courses of the chosen conditions measured."""
-    from dataclasses import replace
-
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.report.analysis.courses import measure_courses
     from vsnbench.results.schema.migrate import open_record
@@ -115,18 +115,16 @@ def _with_courses(
 
 
 def _print_comparisons(
-    form: str,
+    form: Format,
     comparisons: "Sequence[Comparison]",
     ranking: "Ranking | None",
     summaries: "Sequence[ConditionSummary]",
     record: "ReportData",
 ) -> None:
     """Print comparisons as tables, or with the results of the models as one JSON object."""
-    import json
-
     from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
 
-    if form == "json":
+    if form is Format.JSON:
         from vsnbench.report.analysis.summary import Results
         from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
         from vsnbench.report.formats.json import model_fields
@@ -141,14 +139,4 @@ def _print_comparisons(
         typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
         return
     tables = [ranking_table(ranking)] if ranking else []
-    tables += [table for comparison in comparisons for table in comparison_tables(comparison)]
-    if form == "table":
-        from vsnbench.cli.support.terminal import page
-        from vsnbench.report.tables.report_table import print_tables
-
-        print_tables(tables, page())
-        return
-    from vsnbench.report.formats.latex import latex
-    from vsnbench.report.formats.markdown import markdown
-
-    typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)
+    print_tables_as(form, [*tables, *(table for comparison in comparisons for table in comparison_tables(comparison))])

@@ -1,14 +1,20 @@
 """`vsnbench db`: location, state, upgrade, backup and merge of the results database."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.listing import ListColumn, print_list
+from vsnbench.cli.support.lists import split_numbers
+from vsnbench.cli.support.options import Database, Results, open_results, results_directory
+from vsnbench.cli.support.output import Json, confirm, print_json, print_result
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import UsageError
+from vsnbench.text.sanitize import counted
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 _LONG_SEED = 10**8
 """Imports have seeds of up to 19 digits."""
@@ -21,15 +27,11 @@ def path(results: Results = None, db: Database = None, as_json: Json = False) ->
     Example: [bold]sqlite3 "$(vsnbench db path)"[/bold]
     """
     from vsnbench.results.database_url import sqlite_path
-    from vsnbench.results.files.directory import ResultsDirectory
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     file = sqlite_path(place.database_url)
     where = str(file.resolve()) if file else place.database_label
-    if as_json:
-        print_json({"database": where})
-    else:
-        typer.echo(where)
+    print_result({"database": where}, where, as_json=as_json)
 
 
 @app.command()
@@ -38,18 +40,13 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
 
     Example: [bold]vsnbench db status --results /data/apartment[/bold]
     """
-    from dataclasses import asdict
-
-    from vsnbench.cli.support.listing import ListColumn, print_list
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.database_url import sqlite_path
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import campaign_states, count_episodes
     from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.results.schema.engine import open_engine
     from vsnbench.results.schema.migrate import schema_state
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     engine = open_engine(place.database_url, read_only=True)
     schema = schema_state(engine)
     file = sqlite_path(place.database_url)
@@ -113,22 +110,19 @@ def upgrade(results: Results = None, db: Database = None, as_json: Json = False)
     Example: [bold]vsnbench db backup before.db && vsnbench db upgrade[/bold]
     """
     from vsnbench.results.database_url import sqlite_path
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.engine import open_engine
     from vsnbench.results.schema.migrate import upgrade as migrate
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     if sqlite_path(place.database_url):
         place.prepare()
     engine = open_engine(place.database_url)
     before = migrate(engine)
     engine.dispose()
-    if as_json:
-        print_json({"database": place.database_label, "schema_before": before.current, "schema": before.head})
-    elif before.up_to_date:
-        typer.echo(f"{place.database_label} is up to date (schema {before.head})")
-    else:
-        typer.echo(f"{place.database_label}: schema {before.current or 'none'} -> {before.head}")
+    fields = {"database": place.database_label, "schema_before": before.current, "schema": before.head}
+    change = f": schema {before.current or 'none'} -> {before.head}"
+    text = f" is up to date (schema {before.head})" if before.up_to_date else change
+    print_result(fields, place.database_label + text, as_json=as_json)
 
 
 @app.command()
@@ -144,16 +138,13 @@ def backup(
 
     Example: [bold]vsnbench db backup "results-$(date +%F).db"[/bold]
     """
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.backup import backup as copy
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     copy(place.database_url, target)
     size = target.stat().st_size
-    if as_json:
-        print_files([target], as_json=True, size_bytes=size)
-    else:
-        typer.echo(f"{target}  ({size / 1e6:.1f} MB)")
+    fields = {"files": [str(target)], "size_bytes": size}
+    print_result(fields, f"{target}  ({size / 1e6:.1f} MB)", as_json=as_json)
 
 
 @app.command()
@@ -167,18 +158,14 @@ def restore(
 
     Example: [bold]vsnbench db restore results-2026-11-20.db[/bold]
     """
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.writing.restore import restore as replace
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     place.prepare()
     kept = replace(place.database_url, source, place.path)
-    if as_json:
-        print_json({"database": place.database_label, "restored": str(source), "kept": str(kept) if kept else None})
-        return
-    typer.echo(f"restored {place.database_label} from {source}")
-    if kept:
-        typer.echo(f"previous database: {kept}")
+    fields = {"database": place.database_label, "restored": str(source), "kept": str(kept) if kept else None}
+    previous = f"\nprevious database: {kept}" if kept else ""
+    print_result(fields, f"restored {place.database_label} from {source}{previous}", as_json=as_json)
 
 
 @app.command()
@@ -218,9 +205,8 @@ def merge(
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.interop.merge import merge as merge_records
     from vsnbench.interop.merge import merge_source
-    from vsnbench.results.files.directory import ResultsDirectory
 
-    target = ResultsDirectory.locate(results, db)
+    target = results_directory(results, db)
     with ProgressBars() as progress:
         merged = merge_records(
             target,
@@ -250,17 +236,14 @@ def remove_import(
 
     Example: [bold]vsnbench db remove-import 4 --note "results of the wrong checkpoint"[/bold]
     """
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.writing.journal import Journal
     from vsnbench.results.writing.provenance import gather_provenance
 
     provenance = gather_provenance()
-    with Journal.open(ResultsDirectory.locate(results, db).database_url, provenance) as journal:
+    with Journal.open(results_directory(results, db).database_url, provenance) as journal:
         number = journal.withdraw_import(campaign, author=provenance.operator, note=note)
-    if as_json:
-        print_json({"campaign": campaign, "void_episodes": number})
-        return
-    typer.echo(f"{number} episodes of campaign {campaign} are void; `vsnbench judge` can restore single ones")
+    text = f"{number} episodes of campaign {campaign} are void; `vsnbench judge` can restore single ones"
+    print_result({"campaign": campaign, "void_episodes": number}, text, as_json=as_json)
 
 
 @app.command("delete")
@@ -285,17 +268,9 @@ def delete_(
 
     Example: [bold]vsnbench db delete --episode 3,7-9 --reason "a visitor is recognisable"[/bold]
     """
-    import sys
-
-    from vsnbench.cli.support.lists import split_numbers
-    from vsnbench.cli.support.output import is_quiet
-    from vsnbench.errors import UsageError
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.engine import reading, transaction
-    from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.deletion import delete_for_good, plan_deletion
     from vsnbench.results.writing.provenance import gather_provenance
-    from vsnbench.text.sanitize import counted
 
     episodes = split_numbers(episode, "--episode", "3,7-9")
     campaigns = split_numbers(campaign, "--campaign", "2,4")
@@ -303,20 +278,13 @@ def delete_(
         raise UsageError("nothing to delete", advice="give --episode or --campaign", code="no-episode")
     if not reason.strip():
         raise UsageError("no reason given", advice='add --reason "..."; it stays in the record', code="no-reason")
-    place = ResultsDirectory.locate(results, db)
-    with open_record(place.database_url) as engine, transaction(reading(engine)) as connection:
+    with open_results(results, db) as (place, engine), transaction(reading(engine)) as connection:
         plan = plan_deletion(connection, episodes, campaigns)
     what = counted(len(plan.episodes), "episode")
     if plan.campaigns:
         what += f" and {counted(len(plan.campaigns), 'campaign')}"
     if not yes:
-        if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-            raise UsageError(f"{what} would be deleted", advice="nothing was deleted; add --yes to confirm")
-        if not typer.confirm(f"Delete {what} for good?", err=True):
-            typer.echo("nothing was deleted", err=True)
-            raise typer.Exit(1)
+        confirm(f"{what} would be deleted", f"Delete {what} for good?", "nothing was deleted")
     plan, aside = delete_for_good(place, episodes, campaigns, author=gather_provenance().operator, reason=reason)
-    if as_json:
-        print_json({"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)})
-        return
-    typer.echo(f"deleted {what}; backup and images: {aside}")
+    fields = {"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)}
+    print_result(fields, f"deleted {what}; backup and images: {aside}", as_json=as_json)

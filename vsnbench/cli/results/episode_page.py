@@ -1,6 +1,8 @@
 """Prints an episode to the terminal: its result, steps, verdicts and provenance."""
 
 import math
+from collections import Counter
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -139,8 +141,6 @@ def _seconds(value: float | None) -> str:
 
 
 def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
-    from collections import Counter
-
     if not steps:
         return
     counts = Counter((step.raw_action, step.action) for step in steps)
@@ -162,8 +162,6 @@ def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
 
 
 def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
-    from math import degrees
-
     from rich.table import Table
 
     from vsnbench.values.movement import movement_text

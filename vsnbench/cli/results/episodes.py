@@ -1,13 +1,17 @@
 """`vsnbench episodes`: list and show recorded episodes."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Goals, Models, Results
+from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.terminal import page, safe
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -16,7 +20,7 @@ if TYPE_CHECKING:
     from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
     from vsnbench.values.step import StepRecord
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 _TABLE_ROWS = 50
 
@@ -62,14 +66,9 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
     from vsnbench.cli.results.episode_page import COLORS, metres
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
-    from vsnbench.errors import UsageError
     from vsnbench.results.annotations import read_tag
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import count_episodes, list_episodes
     from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
-    from vsnbench.results.schema.migrate import open_record
 
     if outcome and outcome not in OUTCOMES:
         raise UsageError(f"unknown outcome {outcome!r}", advice=f"use one of {', '.join(OUTCOMES)}")
@@ -82,7 +81,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         note=note,
     )
     maximum = (None if as_json else _TABLE_ROWS) if limit is None else limit or None
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_results(results, db) as (_, engine):
         episodes = list_episodes(engine, selected, maximum)
         if not episodes:
             _refuse_unknown(engine, selected)
@@ -93,6 +92,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     if not episodes:
         typer.echo("no episodes found", err=True)
         return
+    has_tags = any(episode.tags for episode in episodes)
     columns = (
         ListColumn("episode", right=True),
         name_column("model"),
@@ -101,7 +101,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         ListColumn("result"),
         ListColumn("actions", right=True, rank=1),
         ListColumn("to goal", right=True, rank=2),
-        *([prose_column("tags")] if any(episode.tags for episode in episodes) else []),
+        *([prose_column("tags")] if has_tags else []),
         ListColumn("began (UTC)", rank=3),
     )
     rows = []
@@ -115,7 +115,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
             f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
             str(episode.actions),
             metres(episode.distance_to_goal_m, episode.success_distance_m),
-            *([safe(", ".join(episode.tags))] if any(other.tags for other in episodes) else []),
+            *([safe(", ".join(episode.tags))] if has_tags else []),
             f"{episode.started_at:%Y-%m-%d %H:%M}",
         )
         rows.append(row)
@@ -130,7 +130,6 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
     Raises:
         UsageError: there is one.
     """
-    from vsnbench.errors import UsageError
     from vsnbench.models.names import known_models
     from vsnbench.results.reading.queries import campaign_states, count_episodes
     from vsnbench.results.reading.recorded_names import recorded_goals, recorded_models
@@ -170,14 +169,10 @@ def show(
     [bold]vsnbench episodes show 17 --json | jq '.steps[].raw_action'[/bold]
     """
     from vsnbench.cli.results.episode_page import print_page
-    from vsnbench.cli.support.terminal import page
     from vsnbench.report.analysis.courses import measures_of
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_details, episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
-    place = ResultsDirectory.locate(results, db)
-    with open_record(place.database_url) as engine:
+    with open_results(results, db) as (place, engine):
         details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
         measures = measures_of(engine, details)
     directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
@@ -224,8 +219,6 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
 def _details_object(
     details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
 ) -> dict[str, object]:
-    from dataclasses import asdict
-
     fields = asdict(details)
     del fields["summary"]
     return {
@@ -246,29 +239,28 @@ def _thinking_s(steps: "tuple[StepRecord, ...]") -> float | None:
 
 def _step_object(step: "StepRecord") -> dict[str, object]:
     """Return a step as JSON fields; they are stable. Unknown values are null."""
-    from dataclasses import asdict
-
     from vsnbench.results.schema.row_encoding import number
+    from vsnbench.values.motion_result import MotionResult
     from vsnbench.values.movement import movement_to_json
 
-    result = step.result
-    collision = result.collision if result else None
+    result = step.result or MotionResult(completed=False)
+    collision = result.collision
     return {
         "number": step.number,
         "raw_action": step.raw_action,
         "action": step.action,
         "blocked": step.blocked,
-        "completed": result is not None and result.completed,
-        "failure": result.failure if result else "",
+        "completed": result.completed,
+        "failure": result.failure,
         "recorded_at": step.recorded_at,
         "stamp_s": step.stamp_s,
         "observed": asdict(step.observed) if step.observed else None,
         "after": asdict(step.after) if step.after else None,
         "world": asdict(step.world) if step.world else None,
-        "displacement_m": number(result.displacement_m) if result else 0.0,
-        "turn_rad": number(result.turn_rad) if result else 0.0,
-        "duration_s": number(result.duration_s) if result else 0.0,
-        "corrections": result.corrections if result else 0,
+        "displacement_m": number(result.displacement_m),
+        "turn_rad": number(result.turn_rad),
+        "duration_s": number(result.duration_s),
+        "corrections": result.corrections,
         "collision_source": collision.source if collision else None,
         "collision_touched": collision.touched if collision else None,
         "rgb_digest": step.rgb_digest,
@@ -277,7 +269,7 @@ def _step_object(step: "StepRecord") -> dict[str, object]:
         "depth_file_digest": step.depth_file_digest,
         **asdict(step.timings),
         "movement": movement_to_json(step.movement) if step.movement else None,
-        "path_m": number(result.path_m) if result and result.path_m is not None else None,
+        "path_m": number(result.path_m) if result.path_m is not None else None,
         "part": list(step.part) if step.part else None,
         "probabilities": step.probabilities,
         "details": step.details,

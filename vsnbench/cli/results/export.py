@@ -1,18 +1,19 @@
 """`vsnbench export`: episodes in the formats of other tools."""
 
 import logging
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Goals, Models, Results
-from vsnbench.cli.support.output import Json, print_files
+from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results, results_directory
+from vsnbench.cli.support.output import Json, print_files, print_result
 from vsnbench.text.sanitize import counted
 
 logger = logging.getLogger(__name__)
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 Numbers = Annotated[list[int] | None, typer.Argument(show_default="all that have ended", help="Numbers of episodes.")]
 
@@ -31,12 +32,10 @@ def tum(
     Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
     """
     from vsnbench.interop.episodes import read_episodes, write_tum
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
     written = []
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_results(results, db) as (_, engine):
         for episode in read_episodes(engine, numbers or (), split_list(model)):
             path = directory / f"{episode.id:06d}.tum"
             write_tum(episode, episode_steps(engine, episode.id), path)
@@ -59,16 +58,12 @@ def habitat(
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.habitat import write_habitat
-    from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.results.schema.migrate import open_record
 
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_results(results, db) as (_, engine):
         written = write_habitat(read_episodes(engine, numbers or (), split_list(model)), directory)
-    files = [directory / name for name in ("episode_results.json", "aggregated_results.json")]
-    if as_json:
-        print_files(files, as_json=True, episodes=written)
-    else:
-        typer.echo(f"{counted(written, 'episode')} in {files[0]}")
+    files = [str(directory / name) for name in ("episode_results.json", "aggregated_results.json")]
+    text = f"{counted(written, 'episode')} in {files[0]}"
+    print_result({"files": files, "episodes": written}, text, as_json=as_json)
 
 
 @app.command("csv")
@@ -86,17 +81,13 @@ def csv_(
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.step_csv import write_steps
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
-    with open_record(ResultsDirectory.locate(results, db).database_url) as engine:
+    with open_results(results, db) as (_, engine):
         episodes = read_episodes(engine, numbers or (), split_list(model))
         written = write_steps(episodes, lambda episode: episode_steps(engine, episode.id), file)
-    if as_json:
-        print_files([file], as_json=True, steps=written)
-    else:
-        typer.echo(f"{counted(written, 'step')} in {file}")
+    fields = {"files": [str(file)], "steps": written}
+    print_result(fields, f"{counted(written, 'step')} in {file}", as_json=as_json)
 
 
 @app.command()
@@ -114,20 +105,15 @@ def bag(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.recorded_messages import COLOR
     from vsnbench.interop.rosbag import write_bag
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
-    place = ResultsDirectory.locate(results, db)
-    with open_record(place.database_url) as engine:
+    with open_results(results, db) as (place, engine):
         (episode,) = read_episodes(engine, [number])
         messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
     if messages.get(COLOR) == 0:
         logger.warning("episode %d keeps no images: the bag has only odometry and actions", number)
-    if as_json:
-        print_files([file], as_json=True, messages=messages)
-        return
-    typer.echo(f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count))
+    text = f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count)
+    print_result({"files": [str(file)], "messages": messages}, text, as_json=as_json)
 
 
 @app.command()
@@ -147,12 +133,10 @@ def mcap(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.mcap_file import write_mcap
     from vsnbench.interop.recorded_messages import COLOR
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.reading.queries import episode_steps
-    from vsnbench.results.schema.migrate import open_record
 
-    place, written = ResultsDirectory.locate(results, db), []
-    with open_record(place.database_url) as engine, ProgressBars() as progress:
+    written = []
+    with open_results(results, db) as (place, engine), ProgressBars() as progress:
         episodes = read_episodes(engine, numbers or (), split_list(model))
         for done, episode in enumerate(episodes):
             progress.show("episodes", done, len(episodes))
@@ -183,15 +167,12 @@ def lerobot(
 
     Example: [bold]vsnbench export lerobot dataset/ --model oracle --goal chair[/bold]
     """
-    from vsnbench.cli.results.lerobot_export import LeRobotRequest, export_lerobot
-    from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.cli.results.lerobot_export import export_lerobot
 
-    request = LeRobotRequest(directory, tuple(numbers or ()), split_list(model), split_list(goal), depth)
-    done = export_lerobot(ResultsDirectory.locate(results, db), request)
-    if as_json:
-        print_files([directory], as_json=True, episodes=done.episodes, frames=done.frames, left_out=done.left_out)
-    else:
-        typer.echo(f"{counted(done.episodes, 'episode')} with {counted(done.frames, 'frame')} in {directory}")
+    place, chosen = results_directory(results, db), (numbers or (), split_list(model), split_list(goal))
+    done = export_lerobot(place, directory, *chosen, with_depth=depth)
+    text = f"{counted(done.episodes, 'episode')} with {counted(done.frames, 'frame')} in {directory}"
+    print_result({"files": [str(directory)], **asdict(done)}, text, as_json=as_json)
 
 
 @app.command("episodes")
@@ -209,15 +190,12 @@ def episodes_(
     """
     from vsnbench.files.atomic import atomic_file
     from vsnbench.report.frames import Results as Record
-    from vsnbench.results.files.directory import ResultsDirectory
 
-    frame = Record(ResultsDirectory.locate(results, db).database_url).episodes()
+    frame = Record(results_directory(results, db).database_url).episodes()
     with atomic_file(file) as part:
         frame.to_csv(part, index=False)
-    if as_json:
-        print_files([file], as_json=True, episodes=len(frame))
-    else:
-        typer.echo(f"{counted(len(frame), 'episode')} in {file}")
+    fields = {"files": [str(file)], "episodes": len(frame)}
+    print_result(fields, f"{counted(len(frame), 'episode')} in {file}", as_json=as_json)
 
 
 @app.command()
@@ -250,9 +228,8 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench export video --model vlv --goal chair --montage
     """
     from vsnbench.cli.results.video_export import VideoRequest, export_videos
-    from vsnbench.results.files.directory import ResultsDirectory
 
     request = VideoRequest(
         tuple(numbers or ()), split_list(model), split_list(goal), failures, pair, montage, output, size, speed
     )
-    print_files(export_videos(ResultsDirectory.locate(results, db), request), as_json=as_json)
+    print_files(export_videos(results_directory(results, db), request), as_json=as_json)

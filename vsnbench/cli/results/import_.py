@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.options import Database, Results, results_directory
+from vsnbench.cli.support.output import Json, print_result
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(no_args_is_help=True)
 
 
 @app.command()
@@ -30,7 +30,6 @@ def ros4vsn(
     """
     from vsnbench.interop.importing import import_upstream_log, unsurveyed_site
     from vsnbench.interop.upstream_log import read_upstream_log
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.writing.journal import Journal
     from vsnbench.robots.profiles import load_profile
     from vsnbench.sites.site import embedded_sites, load_site
@@ -39,7 +38,7 @@ def ros4vsn(
     surveyed = site in embedded_sites() or Path(site).suffix in (".yaml", ".yml")
     place = load_site(site) if surveyed else unsurveyed_site(site)
     profile = load_profile(robot)
-    target = ResultsDirectory.locate(results, db)
+    target = results_directory(results, db)
     target.prepare()
     with Journal.open(target.database_url) as journal:
         campaign, numbers = import_upstream_log(
@@ -53,13 +52,11 @@ def ros4vsn(
             start=start,
         )
     pictures = sum(len(episode.pictures) for episode in episodes)
-    if as_json:
-        print_json({"campaign": campaign, "episodes": list(numbers), "pictures": pictures})
-        return
-    typer.echo(
+    text = (
         f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}, {pictures} pictures; "
         f"they await judgement: vsnbench judge --pending{target.options}"
     )
+    print_result({"campaign": campaign, "episodes": numbers, "pictures": pictures}, text, as_json=as_json)
 
 
 @app.command()
@@ -87,17 +84,14 @@ def habitat(
     from vsnbench.interop.habitat import read_habitat
     from vsnbench.interop.importing import import_habitat, unsurveyed_site
     from vsnbench.protocol.parameters import ProtocolParameters
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.writing.journal import Journal
 
     episodes = read_habitat(file)
     protocol = ProtocolParameters(max_actions=max_steps, success_distance_m=success_distance)
     place = unsurveyed_site(site)
-    target = ResultsDirectory.locate(results, db)
+    target = results_directory(results, db)
     target.prepare()
     with Journal.open(target.database_url) as journal:
         campaign, numbers = import_habitat(journal, episodes, model=model, site=place, source=file, protocol=protocol)
-    if as_json:
-        print_json({"campaign": campaign, "episodes": list(numbers)})
-    else:
-        typer.echo(f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}")
+    text = f"{len(numbers)} episodes from {numbers[0]} to {numbers[-1]} in campaign {campaign}"
+    print_result({"campaign": campaign, "episodes": numbers}, text, as_json=as_json)

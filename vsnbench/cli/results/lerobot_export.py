@@ -1,6 +1,7 @@
 """Chooses the episodes of `vsnbench export lerobot` and writes the dataset."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,17 +20,6 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class LeRobotRequest:
-    """Options of the command."""
-
-    directory: Path
-    numbers: tuple[int, ...]
-    models: tuple[str, ...]
-    goals: tuple[str, ...]
-    depth: bool
-
-
-@dataclass(frozen=True, slots=True)
 class LeRobotSummary:
     """What was written."""
 
@@ -39,24 +29,32 @@ class LeRobotSummary:
     """Number of an episode -> code of the reason."""
 
 
-def export_lerobot(results: ResultsDirectory, request: LeRobotRequest) -> LeRobotSummary:
-    """Write the dataset.
+def export_lerobot(
+    results: ResultsDirectory,
+    directory: Path,
+    numbers: Sequence[int] = (),
+    models: Sequence[str] = (),
+    goals: Sequence[str] = (),
+    *,
+    with_depth: bool,
+) -> LeRobotSummary:
+    """Write a dataset of the chosen episodes; empty choices leave no episode out.
 
     Raises:
         UsageError: no episode can be exported, the directory is not empty, or the episodes do not fit together.
         RecordError: a file cannot be read or written.
     """
     require_libraries()
-    require_empty(request.directory)
+    require_empty(directory)
     usable, left_out = [], dict[int, str]()
     with ProgressBars() as progress:
         with open_record(results.database_url) as engine:
-            episodes = read_episodes(engine, request.numbers, request.models, request.goals)
+            episodes = read_episodes(engine, numbers, models, goals)
             for done, episode in enumerate(episodes):
                 progress.show("episodes", done, len(episodes))
                 try:
                     steps = episode_steps(engine, episode.id)
-                    usable.append(frames_of(episode, steps, results.path, with_depth=request.depth))
+                    usable.append(frames_of(episode, steps, results.path, with_depth=with_depth))
                 except UsageError as error:
                     if error.code not in NOT_EXPORTABLE:
                         raise
@@ -69,5 +67,5 @@ def export_lerobot(results: ResultsDirectory, request: LeRobotRequest) -> LeRobo
                 advice="record with --keep images or all, and judge with `vsnbench judge`",
                 code=codes[0] if len(codes) == 1 else "no-episode",
             )
-        write_dataset(usable, request.directory, partial(progress.show, "frames"))
+        write_dataset(usable, directory, partial(progress.show, "frames"))
     return LeRobotSummary(len(usable), sum(map(len, usable)), left_out)

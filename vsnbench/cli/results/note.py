@@ -5,8 +5,10 @@ from typing import Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.options import Database, Results, open_results
+from vsnbench.cli.support.output import Json, print_result
+from vsnbench.errors import UsageError
+from vsnbench.text.number_ranges import read_numbers
 
 
 def command(
@@ -29,14 +31,10 @@ def command(
         vsnbench note 17 --untag chair-moved
         vsnbench episodes list --tag chair-moved
     """
-    from vsnbench.errors import UsageError
     from vsnbench.results.annotations import read_annotation, tags_of
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.schema.engine import reading, transaction
-    from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
     from vsnbench.results.writing.provenance import gather_provenance
-    from vsnbench.text.number_ranges import read_numbers
 
     numbers = read_numbers(episodes, "episode", "12,15-18")
     annotation = read_annotation(note, split_list(tag), split_list(untag))
@@ -44,19 +42,14 @@ def command(
         raise UsageError(
             "nothing to add", advice="give a text, --tag or --untag, like `vsnbench note 17 --tag chair-moved`"
         )
-    place, provenance = ResultsDirectory.locate(results, db), gather_provenance()
-    with open_record(place.database_url):  # refuses a missing record, which the journal would create
-        pass
+    with open_results(results, db) as (place, _):  # refuses a missing record, which the journal would create
+        provenance = gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
         journal.annotate(numbers, annotation, author=provenance.operator)
         with transaction(reading(journal.engine)) as connection:
             tags = tags_of(connection, numbers)
-    if as_json:
-        print_json(
-            [{"id": number, "tags": list(tags.get(number, ())), "author": provenance.operator} for number in numbers]
-        )
-        return
-    for number in numbers:
-        said = ["noted"] if annotation.note else []
-        said += [f"tags {', '.join(tags[number])}" if number in tags else "no tags"]
-        typer.echo(f"episode {number}: {'; '.join(said)}")
+    fields = [{"id": number, "tags": tags.get(number, ()), "author": provenance.operator} for number in numbers]
+    noted = "noted; " if annotation.note else ""
+    shown = {number: f"tags {', '.join(tags[number])}" if number in tags else "no tags" for number in numbers}
+    text = "\n".join(f"episode {number}: {noted}{its_tags}" for number, its_tags in shown.items())
+    print_result(fields, text, as_json=as_json)

@@ -3,6 +3,7 @@
 import logging
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import Campaigns, Database, Goals, Models, Results, Robots, Sites
-from vsnbench.cli.support.output import Json, print_files
+from vsnbench.cli.support.options import Campaigns, Database, Goals, Models, Results, Robots, Sites, results_directory
+from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.terminal import page
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.report.analysis.conditions import Selection
-    from vsnbench.report.analysis.summary import Results as Numbers
     from vsnbench.report.build import Report
     from vsnbench.report.figures.style import Drawing
     from vsnbench.report.tables.report_table import ReportTable
@@ -93,7 +94,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import build
-    from vsnbench.results.files.directory import ResultsDirectory
 
     form = Format.JSON if as_json else form
     if output is not None and output.suffix in _FILES and not output.is_dir():
@@ -102,10 +102,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             advice=f"--output {output.with_suffix('')}/",
         )
     if only_reference:
-        from vsnbench.report.analysis.published import published_results
-        from vsnbench.report.tables.reference import reference_tables
-
-        _print_tables_as(form.value, reference_tables(), published_results())
+        _print_reference(form)
         return
     selection = Selection(
         models=split_list(model),
@@ -114,7 +111,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         robots=split_list(robot),
         campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
     )
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     if website is not None:
         _write_website(place, selection, website, with_videos=not without_videos, as_json=as_json)
         return
@@ -128,15 +125,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         # Activity takes seconds to read: JSON has all results, a table on the terminal must appear at once.
         activity = all_tables or form is Format.JSON
         report = build(place.database_url, selection, place.path, reference=with_paper, activity=activity)
-        _print_report(form.value, report, long=all_tables)
+        _print_report(form, report, long=all_tables)
 
 
 def _write_website(
     place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
 ) -> None:
-    from dataclasses import asdict
-
-    from vsnbench.cli.support.output import print_json
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.web.results_browser.website import write_website
 
@@ -151,48 +145,48 @@ def _write_website(
     sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")
 
 
-def _print_report(form: str, report: "Report", *, long: bool = False) -> None:
+def _print_report(form: Format, report: "Report", *, long: bool) -> None:
     """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
-    from dataclasses import replace
-
     from vsnbench.report.analysis.published import published_results
+    from vsnbench.report.formats.csv import to_csv
+    from vsnbench.report.formats.json import to_json
 
     results = report.results
     if report.reference:
         results = replace(results, conditions=(*results.conditions, *published_results().conditions))
-    if form == "json":
-        from vsnbench.report.formats.json import to_json
-
-        typer.echo(
-            to_json(results, report.questions, report.activity, report.record, report.operator_activity, report.raters),
-            nl=False,
-        )
-        return
-    _print_tables_as(form, report.tables(long=long), results)
+    if form is Format.JSON:
+        read = (report.questions, report.activity, report.record, report.operator_activity, report.raters)
+        typer.echo(to_json(results, *read), nl=False)
+    elif form is Format.CSV:
+        typer.echo(to_csv(results), nl=False)
+    else:
+        print_tables_as(form, report.tables(long=long))
 
 
-def _print_tables_as(form: str, tables: "list[ReportTable]", results: "Numbers") -> None:
-    """Print tables as `table`, `markdown` or `latex`, or the results in them as `json` or `csv`."""
-    if form == "table":
-        from vsnbench.cli.support.terminal import page
-        from vsnbench.report.tables.report_table import print_tables
-
-        print_tables(tables, page())
-        return
-    typer.echo(_text(form, tables, results), nl=False)
-
-
-def _text(form: str, tables: "list[ReportTable]", results: "Numbers") -> str:
+def _print_reference(form: Format) -> None:
+    """Print the tables of the paper, or the results in them as JSON or CSV."""
+    from vsnbench.report.analysis.published import published_results
     from vsnbench.report.formats.csv import to_csv
     from vsnbench.report.formats.json import to_json
+    from vsnbench.report.tables.reference import reference_tables
+
+    if form in (Format.JSON, Format.CSV):
+        write = to_json if form is Format.JSON else to_csv
+        typer.echo(write(published_results()), nl=False)
+    else:
+        print_tables_as(form, reference_tables())
+
+
+def print_tables_as(form: str, tables: "Sequence[ReportTable]") -> None:
+    """Print tables as `table`, `markdown` or `latex`."""
     from vsnbench.report.formats.latex import latex
     from vsnbench.report.formats.markdown import markdown
+    from vsnbench.report.tables.report_table import print_tables
 
-    if form == "json":
-        return to_json(results)
-    if form == "csv":
-        return to_csv(results)
-    return markdown(tables) if form == "markdown" else latex(tables)
+    if form == "table":
+        print_tables(tables, page())
+    else:
+        typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)
 
 
 def _write_or_serve(

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.options import Database, Results, results_directory
 from vsnbench.cli.support.output import Json, print_files
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
@@ -50,12 +51,11 @@ def command(
 
     vsnbench view 17 --path               print the path of the recording
     """
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.viewer.rebuild import current_recording
     from vsnbench.viewer.viewers import open_window
     from vsnbench.viewer.web_viewer import WebViewer
 
-    place = ResultsDirectory.locate(results, db)
+    place = results_directory(results, db)
     chosen = _chosen(place, tuple(numbers or ()), next_failure=next_failure)
     if len(chosen) == 1:
         recording = current_recording(place, chosen[0])
@@ -86,7 +86,6 @@ def _chosen(place: "ResultsDirectory", given: tuple[int, ...], *, next_failure: 
     Raises:
         UsageError: not one or two numbers were given, or no later episode failed.
     """
-    from vsnbench.errors import UsageError
     from vsnbench.results.reading.queries import list_episodes
     from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.results.schema.migrate import open_record

@@ -1,13 +1,14 @@
 """`vsnbench doctor`: check this machine, and a robot, before a session."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Results
+from vsnbench.cli.support.options import Database, Results, configured_option, results_directory
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.config import BUILT_IN_ROBOT, VARIABLE_OF
+from vsnbench.config import BUILT_IN_ROBOT
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -21,11 +22,9 @@ _STYLE = {"ok": "green", "warning": "yellow", "absent": "dim", "failed": "red"}
 def command(
     robot: Annotated[
         str | None,
-        typer.Option(
-            "--robot",
+        configured_option(
+            "robot",
             "-r",
-            envvar=VARIABLE_OF["robot"],
-            show_envvar=False,
             help="Robot: turtlebot2, lola2, turtlebot4 or the path of a profile. Without it: this machine alone.",
         ),
     ] = None,
@@ -60,10 +59,7 @@ def command(
         vsnbench doctor --robot turtlebot4@robot1
         vsnbench doctor --robot turtlebot2 --model pirlnav
     """
-    from dataclasses import asdict
-
     from vsnbench.models.description import describe_model
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.robots.checkup.check_up import check_up
     from vsnbench.robots.checkup.machine import check_installation, check_results
     from vsnbench.robots.checkup.result import Health
@@ -79,7 +75,7 @@ def command(
     facts = gather_machine_facts()
     checks = [
         *(check_installation(facts) if profile is None else ()),
-        *check_results(ResultsDirectory.locate(results, db)),
+        *check_results(results_directory(results, db)),
     ]
     if profile is not None:
         checks += check_up(profile, move=move)
@@ -90,15 +86,8 @@ def command(
     ]
     failed = any(check.health is Health.FAILED for check in checks)
     if as_json:
-        name = profile.name if profile is not None else None
-        print_json(
-            {
-                "ready": not failed,
-                "robot": name,
-                "checks": [asdict(check) for check in checks],
-                "machine": asdict(facts),
-            }
-        )
+        subject = {"ready": not failed, "robot": profile.name if profile is not None else None}
+        print_json({**subject, "checks": [asdict(check) for check in checks], "machine": asdict(facts)})
     else:
         _print(checks, "this machine" if profile is None else f"{profile.title} and this machine")
     raise typer.Exit(1 if failed else 0)
@@ -119,11 +108,11 @@ def _print(checks: "Sequence[CheckResult]", subject: str) -> None:
     for check in checks:
         advice = f"\n[bold]→[/bold] {escape(check.advice)}" if check.advice else ""
         style = _STYLE[check.health]
-        table.add_row(f"[{style}]{check.health}[/]", check.what, escape(check.seen) + advice)
+        table.add_row(f"[{style}]{check.health}[/]", escape(check.what), escape(check.seen) + advice)
     console.print(table)
     if failed := sum(check.health == "failed" for check in checks):
-        console.print(f"[red]{failed} failed[/red]: {subject} cannot run a session yet")
+        console.print(f"[red]{failed} failed[/red]: {escape(subject)} cannot run a session yet")
         return
     warnings = sum(check.health == "warning" for check in checks)
     ending = f", with {warnings} warning{'' if warnings == 1 else 's'}" if warnings else ""
-    console.print(f"[green]ready[/green]: {subject}{ending}")
+    console.print(f"[green]ready[/green]: {escape(subject)}{ending}")

@@ -7,6 +7,7 @@ import typer
 
 from vsnbench.cli.support.options import Rehearse, SimulatedSite
 from vsnbench.config import BUILT_IN_SITE
+from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.simulator.robot_player import SimulationOptions
@@ -130,12 +131,10 @@ def _uses_ros1(profile: "RobotProfile", ros_arguments: list[str] | None) -> bool
         RobotError: the profile has no ROS interface.
         UsageError: there are ROS 1 arguments for a ROS 2 robot.
     """
-    from vsnbench.errors import UsageError
     from vsnbench.robots.ros.interface_kinds import kind_of
     from vsnbench.values.robot_identity import ROS1
 
-    kind_of(profile)
-    is_ros1 = profile.interface is not None and profile.interface.kind == ROS1
+    is_ros1 = kind_of(profile).kind == ROS1
     if ros_arguments and not is_ros1:
         raise UsageError(
             f"{profile.name} uses ROS 2, and {ros_arguments[0]!r} is a ROS 1 argument",

@@ -1,18 +1,20 @@
 """`vsnbench robots`: robot profiles and ROS nodes."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from vsnbench.cli.robots import nodes
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
+from vsnbench.cli.support.output import Json, print_json, print_result
+from vsnbench.cli.support.terminal import safe
+from vsnbench.errors import UsageError
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="""List and check robot profiles; run the ROS nodes of a robot.
 
     vsnbench robots list
@@ -30,8 +32,6 @@ RobotArgument = Annotated[str, typer.Argument(help="Name of a profile, or path o
 @app.command("list")
 def list_robots(as_json: Json = False) -> None:
     """List the values of --robot."""
-    from vsnbench.cli.support.listing import name_column, print_list, prose_column
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
     from vsnbench.robots.ros.interface_kinds import INTERFACE_KINDS
@@ -66,7 +66,6 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Print a profile as YAML, with all defaults filled in."""
-    from vsnbench.errors import UsageError
     from vsnbench.robots.profiles import ANNOTATED_EXAMPLE, load_profile, profile_path
     from vsnbench.settings.yaml_text import dump_yaml
 
@@ -78,10 +77,7 @@ def show(
     if not robot:
         raise UsageError("no robot profile is named", advice="name one, or pass --annotated for a commented example")
     content = load_profile(robot).model_dump(mode="json")
-    if as_json:
-        print_json(content)
-    else:
-        typer.echo(dump_yaml(content))
+    print_result(content, dump_yaml(content), as_json=as_json)
 
 
 @app.command()
@@ -92,12 +88,10 @@ def check(robot: RobotArgument, as_json: Json = False) -> None:
 
     profile = load_profile(robot)
     warnings = implausible_values(profile)
-    if as_json:
-        print_json({"robot": profile.name, "title": profile.title, "warnings": warnings})
-        return
-    for warning in warnings:
-        typer.echo(f"warning: {warning}")
-    typer.echo(f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself")
+    lines = [f"warning: {warning}" for warning in warnings]
+    lines += [f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself"]
+    fields = {"robot": profile.name, "title": profile.title, "warnings": warnings}
+    print_result(fields, "\n".join(lines), as_json=as_json)
 
 
 @app.command()
@@ -121,7 +115,6 @@ def calibrate(
 
         vsnbench robots calibrate turtlebot4 --output my-turtlebot4.yaml
     """
-    from vsnbench.errors import UsageError
     from vsnbench.robots.calibration import calibrate as measure
     from vsnbench.robots.calibration import write_corrections
     from vsnbench.robots.profiles import embedded_profiles, load_profile, profile_path
@@ -147,22 +140,9 @@ def calibrate(
     if write and (corrections or target != source):
         write_corrections(source, target, corrections)
     if as_json:
-        print_json(
-            {
-                "robot": profile.name,
-                "file": str(target),
-                "written": write,
-                "measured": {
-                    difference.field: {
-                        "value": difference.measured.value,
-                        "std": difference.measured.std,
-                        "profile": difference.profile,
-                    }
-                    for difference in calibration.differences
-                },
-                "corrections": corrections,
-            }
-        )
+        measured = {each.field: asdict(each.measured) | {"profile": each.profile} for each in calibration.differences}
+        fields = {"robot": profile.name, "file": str(target), "written": write}
+        print_json({**fields, "measured": measured, "corrections": corrections})
     elif not corrections:
         typer.echo("the profile agrees with the camera within the uncertainty of the measurement")
     elif write:

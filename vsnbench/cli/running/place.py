@@ -5,22 +5,18 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.support.options import Database, Results, RobotOrProfile
+from vsnbench.cli.support.options import Database, Results, RobotOrProfile, configured_option, results_directory
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.cli.support.terminal import safe
+from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
+from vsnbench.errors import RobotError
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     start: Annotated[int, typer.Option("--start", help="Number of the robot's starting position.")],
     robot: RobotOrProfile = BUILT_IN_ROBOT,
     site: Annotated[
-        str,
-        typer.Option(
-            "--site",
-            envvar=VARIABLE_OF["site"],
-            show_envvar=False,
-            help="Embedded site, path of a site file, or flat:N (a generated flat).",
-        ),
+        str, configured_option("site", help="Embedded site, path of a site file, or flat:N (a generated flat).")
     ] = BUILT_IN_SITE,
     turn: Annotated[
         bool, typer.Option("--turn", help="Turn once on the spot and measure from images all around.")
@@ -55,9 +51,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
         vsnbench place --start 3 --robot simulated --picture look.png
     """
-    from vsnbench.errors import RobotError
     from vsnbench.protocol.parameters import ProtocolParameters
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.results.files.mark_photos import MarkPhotos
     from vsnbench.robots.registry import is_simulated, open_robot
     from vsnbench.runner.operator.placing import Placing
@@ -75,7 +69,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     parameters = ProtocolParameters(placement=tolerance)
     place = named_site(site)
     mark = place.start(start)
-    where = ResultsDirectory.locate(results, db)
+    where = results_directory(results, db)
     with (
         StopRequests() as stop,
         open_robot(robot, place, parameters, rehearsal=is_simulated(robot)) as opened,
@@ -96,5 +90,5 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         if look.measured.wants_turn:
             console.print("[dim]next: the same command with --turn[/dim]")
         if picture is not None:
-            console.print(f"camera image, expected outlines in cyan: {picture}")
+            console.print(f"camera image, expected outlines in cyan: {safe(picture)}")
     raise typer.Exit(0 if look.measured.within_tolerance else 1)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.options import (
-    EXECUTION_PANEL,
     Console,
     Database,
     Disturb,
@@ -15,32 +15,15 @@ from vsnbench.cli.support.options import (
     Rehearse,
     Results,
     Unattended,
+    execution_option,
     fit_of,
     operator_page,
     requested_workers,
+    results_directory,
     sites_of,
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
-from vsnbench.cli.support.trial_options import (
-    MODEL_PANEL,
-    Goal,
-    Keep,
-    MaxSteps,
-    Model,
-    ModelConfig,
-    Noise,
-    Repetitions,
-    Robot,
-    Seed,
-    Site,
-    Starts,
-    Weights,
-    Workers,
-    model_options,
-    models_of,
-    seeds_of,
-)
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 from vsnbench.errors import UsageError
 
@@ -53,46 +36,36 @@ if TYPE_CHECKING:
 @resumable()
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
     context: typer.Context,
-    model: Model,
-    goal: Goal,
-    site: Site = None,
-    robot: Robot = BUILT_IN_ROBOT,
-    starts: Starts = None,
-    repetitions: Repetitions = 1,
-    seed: Seed = None,
+    model: trial.Model,
+    goal: trial.Goal,
+    site: trial.Site = None,
+    robot: trial.Robot = BUILT_IN_ROBOT,
+    starts: trial.Starts = None,
+    repetitions: trial.Repetitions = 1,
+    seed: trial.Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
-    max_steps: MaxSteps = None,
-    noise: Noise = False,
+    max_steps: trial.MaxSteps = None,
+    noise: trial.Noise = False,
     disturb: Disturb = None,
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
-    workers: Workers = "auto",
-    fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="Stop at the first void episode.", rich_help_panel=EXECUTION_PANEL)
-    ] = False,
+    workers: trial.Workers = "auto",
+    fail_fast: Annotated[bool, execution_option("--fail-fast", help="Stop at the first void episode.")] = False,
     watch: Annotated[
-        bool,
-        typer.Option(
-            "--watch",
-            help="Repeat the run when the model's files change; results are discarded.",
-            rich_help_panel=EXECUTION_PANEL,
-        ),
+        bool, execution_option("--watch", help="Repeat the run when the model's files change; results are discarded.")
     ] = False,
-    weights: Weights = None,
-    model_config: ModelConfig = None,
+    weights: trial.Weights = None,
+    model_config: trial.ModelConfig = None,
     isolate: Annotated[
         str | None,
-        typer.Option(
-            "--isolate",
-            metavar="[PYTHON]",
-            help="Own process for the model, with another Python interpreter if given.",
-            rich_help_panel=MODEL_PANEL,
+        trial.model_option(
+            "--isolate", metavar="[PYTHON]", help="Own process for the model, with another Python interpreter if given."
         ),
     ] = None,
     results: Results = None,
     db: Database = None,
-    keep: Keep = "",
+    keep: trial.Keep = "",
     live: Live = False,
     as_json: Json = False,
 ) -> None:
@@ -120,7 +93,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     The same command resumes with the remaining trials.
     Each model, site and seed is a campaign of its own; several make a sweep.
     """
-    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
+    models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
     if watch:
         from vsnbench.cli.support.watching import run_and_watch
 
@@ -129,19 +102,18 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
     pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
-    options, act_timeout_s = model_options(models, weights, model_config, isolated=isolate is not None)
+    options, act_timeout_s = trial.model_options(models, weights, model_config, isolated=isolate is not None)
     page = operator_page(console)
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
-        results=ResultsDirectory.locate(results, db),
+        results=results_directory(results, db),
         site=sites[0],
         robot=robot,
         starts=",".join(starts) if starts else None,
@@ -161,17 +133,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         attended=page is not None,
         fail_fast=fail_fast,
     )
-    with ThreadsAndProcesses.now() as before:
-        if len(models) * len(seeds) * len(sites) > 1:
-            from vsnbench.cli.running.sweep_summary import run_sweep_and_report
+    if len(models) * len(seeds) * len(sites) == 1:
+        provider = TerminalOperatorProvider(unattended, page)
+        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json), summary_console())
+    if page is not None:
+        raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
+    from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console
 
-            if page is not None:
-                raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
-            code = run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json)
-        else:
-            code = _run_and_report(request, TerminalOperatorProvider(unattended, page), live=live, as_json=as_json)
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    run_and_exit(
+        lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json), sweep_console()
+    )
 
 
 def _isolation(python: str) -> "Isolation":
@@ -184,22 +155,20 @@ def _isolation(python: str) -> "Isolation":
 
 
 def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:
-    """Run a campaign and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped."""
-    from vsnbench.cli.running.summary import fields_of, print_summary, stopped_message, summary_console
+    """Run a campaign and return the exit code: 0 if every trial is done, 1 if some are left.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
+    """
+    from vsnbench.cli.running.summary import fields_of, print_summary, summary_console
     from vsnbench.runner.setup.launch import launch
-    from vsnbench.runner.stopping.requests import Stopped
     from vsnbench.viewer.live import RerunEpisodes
 
-    console = summary_console()
-    try:
-        with RerunEpisodes(live=live) as viewer:
-            launched = launch(request, provider, viewer)
-            viewer.linger()
-    except Stopped as stopped:
-        console.print(stopped_message(stopped))
-        return stopped.request.exit_code
+    with RerunEpisodes(live=live) as viewer:
+        launched = launch(request, provider, viewer)
+        viewer.linger()
     if not (as_json and is_quiet()):
-        print_summary(console, launched, request)
+        print_summary(summary_console(), launched, request)
     if as_json:
         print_json(fields_of(launched, request))
     return 1 if launched.result.left or launched.result.elsewhere else 0

@@ -3,87 +3,62 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
+from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.lists import split_numbers
 from vsnbench.cli.support.options import (
-    EXECUTION_PANEL,
-    RECORD_PANEL,
     Database,
     Protocol,
     Results,
+    execution_option,
+    fit_of,
+    record_option,
     requested_workers,
+    results_directory,
     sites_of,
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, resumable
-from vsnbench.cli.support.trial_options import (
-    Goal,
-    Keep,
-    MaxSteps,
-    Model,
-    ModelConfig,
-    Noise,
-    Repetitions,
-    Robot,
-    Seed,
-    Site,
-    Starts,
-    Weights,
-    Workers,
-    model_options,
-    models_of,
-    seeds_of,
-)
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 
 
 @resumable()
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
-    model: Model,
-    goal: Goal,
-    site: Site = None,
-    robot: Robot = BUILT_IN_ROBOT,
-    starts: Starts = None,
-    repetitions: Repetitions = 1,
-    seed: Seed = None,
+    model: trial.Model,
+    goal: trial.Goal,
+    site: trial.Site = None,
+    robot: trial.Robot = BUILT_IN_ROBOT,
+    starts: trial.Starts = None,
+    repetitions: trial.Repetitions = 1,
+    seed: trial.Seed = None,
     protocol: Protocol = BUILT_IN_PROTOCOL,
-    max_steps: MaxSteps = None,
+    max_steps: trial.MaxSteps = None,
     disturb: Annotated[
         list[str] | None,
-        typer.Option(
+        execution_option(
             "--disturb",
             metavar="A,B",
             show_default="the standard set",
             help="Disturbances, each on its own: blur, glare, low_light, depth_holes, camera_height, camera_tilt, "
             "dropped_frames, odometry_drift, stale_frames, latency.",
-            rich_help_panel=EXECUTION_PANEL,
         ),
     ] = None,
     severity: Annotated[
         list[str] | None,
-        typer.Option(
-            "--severity",
-            metavar="N,N",
-            show_default="1,3,5",
-            help="Severities of each disturbance, from 1 to 5.",
-            rich_help_panel=EXECUTION_PANEL,
+        execution_option(
+            "--severity", metavar="N,N", show_default="1,3,5", help="Severities of each disturbance, from 1 to 5."
         ),
     ] = None,
-    noise: Noise = False,
-    workers: Workers = "auto",
-    weights: Weights = None,
-    model_config: ModelConfig = None,
+    noise: trial.Noise = False,
+    workers: trial.Workers = "auto",
+    weights: trial.Weights = None,
+    model_config: trial.ModelConfig = None,
     figure: Annotated[
         Path | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE",
-            help="File of a figure, success rate against severity: .svg, .pdf or .png.",
-            rich_help_panel=RECORD_PANEL,
+        record_option(
+            "--figure", metavar="FILE", help="File of a figure, success rate against severity: .svg, .pdf or .png."
         ),
     ] = None,
-    keep: Keep = "",
+    keep: trial.Keep = "",
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -103,9 +78,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     The same command with every trial done prints the result again.
     """
     from vsnbench.cli.running.stress_summary import check_figure, run_stress
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit
+    from vsnbench.cli.running.sweep_summary import sweep_console
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.stress import check_robot, conditions_of
     from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
@@ -114,25 +89,23 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
     check_figure(figure)
     check_robot(robot)
-    models, seeds, sites = models_of(model), seeds_of(seed), sites_of(site)
-    options, act_timeout_s = model_options(models, weights, model_config)
+    models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
+    options, act_timeout_s = trial.model_options(models, weights, model_config)
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
-        results=ResultsDirectory.locate(results, db),
+        results=results_directory(results, db),
         robot=robot,
         starts=",".join(starts) if starts else None,
         repetitions=repetitions,
         parameters=load_protocol(protocol).limited_to(max_steps),
         device=load_config().models.device,
         noise=noise,
+        fit=fit_of(load_config()),
         model_options=options,
         act_timeout_s=act_timeout_s,
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=False),
     )
     sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
-    with ThreadsAndProcesses.now() as before:
-        code = run_stress(sweep, request, figure, as_json=as_json)
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json), sweep_console())

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from vsnbench.cli.running.summary import print_next, stopped_message
+from vsnbench.cli.running.summary import print_next
 from vsnbench.cli.running.sweep_summary import print_sweep_summary, run_planned, sweep_console
 from vsnbench.cli.support.output import print_json
 from vsnbench.cli.support.terminal import page
@@ -18,7 +18,6 @@ from vsnbench.report.tables.stress import stress_fields, stress_table
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.sweep import Sweep, Swept, undone
-from vsnbench.runner.stopping.requests import Stopped
 
 _FORMATS = (".svg", ".pdf", ".png")
 
@@ -38,19 +37,18 @@ def check_figure(path: Path | None) -> None:
 
 
 def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_json: bool) -> int:
-    """Run a stress test and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped.
+    """Run a stress test and return the exit code: 0 if every trial is done, 1 if some are left.
 
     Args:
         sweep: every campaign under every condition.
         request: options that they share.
         figure: file of the figure.
         as_json: print the result as JSON.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
     """
-    try:
-        swept = run_planned(sweep, request)
-    except Stopped as stopped:
-        sweep_console().print(stopped_message(stopped))
-        return stopped.request.exit_code
+    swept = run_planned(sweep, request)
     print_sweep_summary(sweep_console(), swept, request.results)
     models = _stressed(swept, request.results)
     if figure is not None and any(model.losses for model in models):

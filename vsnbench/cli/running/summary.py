@@ -5,14 +5,14 @@ import os
 import sys
 import threading
 import time
-from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
+from collections.abc import Callable
+from typing import NoReturn
 
+import typer
 from rich.markup import escape
 
 from vsnbench.cli.support.output import is_quiet
-from vsnbench.results.files.directory import TEMPORARY_RESULTS
+from vsnbench.results.files.directory import TEMPORARY_RESULTS, ResultsDirectory
 from vsnbench.runner.setup.launch import Launched
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped
@@ -26,48 +26,32 @@ THREAD_TIMEOUT_S = 2.0
 """Time to wait at exit for threads that a model started."""
 
 
-def stopped_message(stopped: Stopped) -> str:
-    """Return the message, in rich's markup, after a person or a signal stopped a run."""
-    by = stopped.request.means if stopped.request.author is StopAuthor.PERSON else stopped.request.description
-    return (
-        f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
-        "The same command resumes with the remaining trials."
-    )
+def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
+    """Run trials and exit with the code that `run` returns, also if threads of a model would keep the process alive.
 
-
-@dataclass(frozen=True, slots=True)
-class ThreadsAndProcesses:
-    """Threads and processes that exist before a model is loaded.
-
-    A context manager: on exit it ends the processes that were started since, even if their parents have ended. They
-    must not hold a robot, a GPU or a cluster's slot after the last trial.
+    If a person or a signal stops the run, the message goes to the console, and the exit code is 129 to 143. Processes
+    that a model started are ended, even if their parents have ended: they must not hold a robot, a GPU or a cluster's
+    slot after the last trial.
     """
-
-    threads: frozenset[threading.Thread]
-    pids: frozenset[int]
-
-    @classmethod
-    def now(cls) -> Self:
-        """Return those that exist now."""
-        return cls(frozenset(threading.enumerate()), frozenset(process.pid for process in descendants()))
-
-    def __enter__(self) -> Self:
-        adopt_orphans()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        names = end_descendants(self.pids)
+    threads, pids = threading.enumerate(), frozenset(process.pid for process in descendants())
+    adopt_orphans()
+    try:
+        code = run()
+    except Stopped as stopped:
+        request = stopped.request
+        by = request.means if request.author is StopAuthor.PERSON else request.description
+        console.print(
+            f"[yellow]stopped[/yellow] ({by}): the robot is halted and every finished step is recorded. "
+            "The same command resumes with the remaining trials."
+        )
+        code = request.exit_code
+    finally:
+        names = end_descendants(pids)
         adopt_orphans(wanted=False)
         if names:
             logger.warning("ended processes that the model left running: %s", ", ".join(map(sanitize, names)))
-
-
-def exit_despite_threads(code: int, before: ThreadsAndProcesses) -> None:
-    """Exit with this code if threads that a model started would keep the process alive."""
     deadline_s = time.monotonic() + THREAD_TIMEOUT_S
-    started = [thread for thread in threading.enumerate() if not thread.daemon and thread not in before.threads]
+    started = [thread for thread in threading.enumerate() if not thread.daemon and thread not in threads]
     for thread in started:
         thread.join(max(deadline_s - time.monotonic(), 0))
     if alive := [thread.name for thread in started if thread.is_alive()]:
@@ -75,6 +59,7 @@ def exit_despite_threads(code: int, before: ThreadsAndProcesses) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+    raise typer.Exit(code)
 
 
 def summary_console() -> Console:
@@ -87,6 +72,15 @@ def print_next(console: Console, command: str) -> None:
     """Print the next command; not with --quiet, because it is not a result."""
     if not is_quiet():
         console.print(f"[dim]next:[/dim] vsnbench {escape(command)}")
+
+
+def print_awaiting(console: Console, awaiting: int, results: ResultsDirectory) -> None:
+    """Print the command that judges episodes, if any await judgement."""
+    if awaiting:
+        console.print(
+            f"[cyan]{counted(awaiting, 'trial')} to be judged[/cyan] before they count: "
+            f"vsnbench judge --pending{escape(results.options)}"
+        )
 
 
 def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
@@ -111,13 +105,13 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
 
 def print_summary(console: Console, launched: Launched, request: RunRequest) -> None:
     """Print what is done, what is left and the next command."""
-    if os.environ.get(TEMPORARY_RESULTS):
-        _print_discarded(console, launched, request)
-        return
     result, trials = launched.result, len(launched.campaign.trials)
-    options = escape(request.results.options)
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
+    if os.environ.get(TEMPORARY_RESULTS):  # a run of `--watch`, whose results are discarded at the next change
+        console.print(f"{trials - result.left} of {counted(trials, 'trial')} done")
+        console.print(f"[dim]until the next change:[/dim] vsnbench episodes list{escape(request.results.options)}")
+        return
     if result.left:
         console.print(
             f"[yellow]{result.left} of {counted(trials, 'trial')} left[/yellow]"
@@ -130,37 +124,15 @@ def print_summary(console: Console, launched: Launched, request: RunRequest) -> 
             f"[/yellow] ({escape(', '.join(result.holders))}): repeat the command to wait for them and run the rest."
         )
     if not result.left and not result.elsewhere:
+        all_trials = "the only trial is" if trials == 1 else f"all {trials} trials are"
         if result.episodes:
-            console.print(f"[green]{_all(trials)} done[/green]; results in {escape(_place(request))}")
+            place = str(request.results.path) if request.results.has_own_database else request.results.database_label
+            console.print(f"[green]{all_trials} done[/green]; results in {escape(place)}")
         else:
             console.print(
-                f"nothing to do: {_all(trials)} done. Add goals, --starts or --repetitions, or use another --seed."
+                f"nothing to do: {all_trials} done. Add goals, --starts or --repetitions, or use another --seed."
             )
-    if result.awaiting:
-        console.print(
-            f"[cyan]{counted(result.awaiting, 'trial')} to be judged[/cyan] before they count: "
-            f"vsnbench judge --pending{options}"
-        )
+    print_awaiting(console, result.awaiting, request.results)
     only_void = result.episodes == result.void > 0 and result.left == trials
     following = "episodes list --outcome void" if only_void else "report"
     print_next(console, f"{following}{request.results.options}")
-
-
-def _print_discarded(console: Console, launched: Launched, request: RunRequest) -> None:
-    """Print the summary of a run of `--watch`, whose results are discarded at the next change."""
-    result, trials = launched.result, len(launched.campaign.trials)
-    if result.stopped_because:
-        console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
-    console.print(f"{trials - result.left} of {counted(trials, 'trial')} done")
-    command = f"vsnbench episodes list{escape(request.results.options)}"
-    console.print(f"[dim]until the next change:[/dim] {command}")
-
-
-def _place(request: RunRequest) -> str:
-    """Return where the record is: the results directory, or a database elsewhere."""
-    results = request.results
-    return str(results.path) if results.has_own_database else results.database_label
-
-
-def _all(trials: int) -> str:
-    return "the only trial is" if trials == 1 else f"all {trials} trials are"

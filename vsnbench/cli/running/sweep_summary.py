@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from rich.markup import escape
 
-from vsnbench.cli.running.summary import fields_of, print_next, stopped_message, summary_console
+from vsnbench.cli.running.summary import fields_of, print_next, summary_console
 from vsnbench.cli.support.output import is_quiet, print_json, silence
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.files.directory import ResultsDirectory
@@ -16,7 +16,6 @@ from vsnbench.runner.operator.provider import TerminalOperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.sweep import Cost, Sweep, Swept, cost_of, plan_sweep, run_sweep, undone
 from vsnbench.runner.setup.sweep_timing import time_models, untimed_models
-from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.text.sanitize import counted
 from vsnbench.text.terminal import Console
 from vsnbench.viewer.live import RerunEpisodes
@@ -28,12 +27,12 @@ TIMING_THRESHOLD_S = 600.0
 def run_sweep_and_report(
     request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str], *, live: bool, as_json: bool
 ) -> int:
-    """Run a sweep and return the exit code: 0 if every trial is done, 1 if some are left, 129 to 143 if stopped."""
-    try:
-        swept = run_planned(plan_sweep(request, models, seeds, sites), request, live=live)
-    except Stopped as stopped:
-        sweep_console().print(stopped_message(stopped))
-        return stopped.request.exit_code
+    """Run a sweep and return the exit code: 0 if every trial is done, 1 if some are left.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
+    """
+    swept = run_planned(plan_sweep(request, models, seeds, sites), request, live=live)
     if as_json:
         print_json([_fields_of(campaign) for campaign in swept])
     if not (as_json and is_quiet()):

@@ -78,20 +78,15 @@ def open_study(file: Path, results: Path | None, db: str | None) -> OpenedStudy:
     elsewhere = f"{file} is locked in another record, {note.database}: give it with --results or --db" if note else ""
     lock = f"vsnbench study lock {quote(str(file))}{place.options}"
     unlocked = f"{file} is not locked in {place.database_label}: lock it with `{lock}`"
-    try:
-        with open_record(place.database_url) as engine:
-            known = studies(engine)
-            recorded = next((study for study in known if note is not None and study.uuid == note.study), None)
-            if recorded is None:  # no lock file, or the study was locked elsewhere and merged into this record
-                same = {sha256_of(text), note.sha256 if note else ""}
-                recorded = next((study for study in known if same & {study.sha256, study.locked_sha256}), None)
-            evidence = read_evidence(engine, recorded.id) if recorded is not None else None
-    except RecordError as problem:
-        if "no record at" in str(problem):
-            raise StudyError(elsewhere or unlocked) from problem
-        raise
-    if recorded is None or evidence is None:
+    known = _studies_in(place)
+    recorded = next((study for study in known if note is not None and study.uuid == note.study), None)
+    if recorded is None:  # no lock file, or the study was locked elsewhere and merged into this record
+        same = {sha256_of(text), note.sha256 if note else ""}
+        recorded = next((study for study in known if same & {study.sha256, study.locked_sha256}), None)
+    if recorded is None:
         raise StudyError(elsewhere or unlocked)
+    with open_record(place.database_url) as engine:
+        evidence = read_evidence(engine, recorded.id)
     _check_note(file, text, note, recorded, known)
     plan = parse_study(recorded.content, f"{file} as it was locked")
     integrity = check_integrity(recorded, evidence, plan, note)
@@ -155,14 +150,19 @@ def study_of_file(text: str, results: ResultsDirectory) -> RecordedStudy | None:
     Raises:
         RecordError: the record cannot be read.
     """
+    known, sha256 = _studies_in(results), sha256_of(text)
+    return next((study for study in known if sha256 in (study.sha256, study.locked_sha256)), None)
+
+
+def _studies_in(results: ResultsDirectory) -> tuple[RecordedStudy, ...]:
+    """Return the studies of a record; none if there is no record."""
     try:
         with open_record(results.database_url) as engine:
-            known = studies(engine)
+            return studies(engine)
     except RecordError as problem:
         if "no record at" in str(problem):
-            return None
+            return ()
         raise
-    return next((study for study in known if sha256_of(text) in (study.sha256, study.locked_sha256)), None)
 
 
 def remove_blind_copies(results: ResultsDirectory, identity: str) -> None:

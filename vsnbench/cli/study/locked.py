@@ -1,32 +1,40 @@
 """Commands for a locked study: run, status, amend, unblind, report."""
 
-import sys
-from datetime import datetime
+from datetime import datetime, timedelta
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.study.report import StudyFormat
+from vsnbench.cli.support.listing import ListColumn, name_column, print_list
 from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json, print_result
+from vsnbench.cli.support.terminal import page, safe
 from vsnbench.config import load_config
+from vsnbench.errors import StudyError, UsageError
 
 if TYPE_CHECKING:
     from vsnbench.cli.study.file import OpenedStudy
+    from vsnbench.report.study.findings import StudyFindings
+
+
+class StudyFormat(StrEnum):
+    """Output formats on stdout."""
+
+    TABLE = "table"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    HTML = "html"
+    JSON = "json"
+
 
 File = Annotated[Path, typer.Argument(help="Path of the study file.")]
-_DEFAULT = Path("study.yaml")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `vsnbench study`."""
-    for function in (run, status, amend, unblind, report):
-        app.command()(function)
+DEFAULT_FILE = Path("study.yaml")
 
 
 def run(  # noqa: PLR0913 - Typer needs a parameter per option
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     only_next: Annotated[bool, typer.Option("--only-next", help="Stop after one trial.")] = False,
     until: Annotated[
         str, typer.Option("--until", metavar="HH:MM", help="Time of day from which no trial starts (local time).")
@@ -42,36 +50,25 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench study run study.yaml --until 18:00[/bold]
     """
-    from vsnbench.cli.running.summary import ThreadsAndProcesses, exit_despite_threads
+    from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.running import StudyRunOptions, run_and_report
-    from vsnbench.errors import StudyError
+    from vsnbench.cli.study.running import place_of, run_and_report
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
+    from vsnbench.runner.study.source import StudyRequest
 
     page = operator_page(console)
     study = open_study(file, results, db)
     if study.refusal:
         raise StudyError(study.refusal)
     memory_gib = load_config().study.model_memory_gib
-    options = StudyRunOptions(
-        only_next=only_next,
-        until=_next_time(until),
-        memory_bytes=None if memory_gib is None else round(memory_gib * 2**30),
-        live=live,
-        as_json=as_json,
-    )
-    with ThreadsAndProcesses.now() as before:
-        code = run_and_report(study, options, TerminalOperatorProvider(unattended, page))
-    exit_despite_threads(code, before)
-    raise typer.Exit(code)
+    memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
+    request = StudyRequest(study.recorded, place_of(study), study.results, only_next, _next_time(until), memory_bytes)
+    provider = TerminalOperatorProvider(unattended, page)
+    run_and_exit(lambda: run_and_report(study.file, request, provider, live=live, as_json=as_json), summary_console())
 
 
 def _next_time(text: str) -> datetime | None:
     """Return the next occurrence of a time of day, as an aware datetime; None for an empty text."""
-    from datetime import timedelta
-
-    from vsnbench.errors import UsageError
-
     if not text:
         return None
     try:
@@ -83,14 +80,12 @@ def _next_time(text: str) -> datetime | None:
     return then if then > now else then + timedelta(days=1)
 
 
-def status(file: File = _DEFAULT, results: Results = None, db: Database = None, as_json: Json = False) -> None:
+def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = None, as_json: Json = False) -> None:
     """Show the progress of a study, and changes since it was locked.
 
     [bold]vsnbench study status study.yaml[/bold]
     """
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.support.listing import ListColumn, name_column, print_list
-    from vsnbench.cli.support.terminal import safe
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.studies.entries import AMEND
     from vsnbench.results.studies.queries import trials_of
@@ -130,8 +125,13 @@ def _print_warnings(study: "OpenedStudy") -> None:
         typer.echo(f"vsnbench: warning: {warning}", err=True)
 
 
+def _check_reason(reason: str, act: str) -> None:
+    if not reason.strip():
+        raise UsageError("no reason given", advice=f"give the reason for {act} with --reason; the report has it")
+
+
 def amend(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     reason: Annotated[str, typer.Option("--reason", help="Reason for the change; printed in the report.")] = "",
     results: Results = None,
     db: Database = None,
@@ -144,14 +144,12 @@ def amend(
     [bold]vsnbench study amend study.yaml --reason "the second operator is ill"[/bold]
     """
     from vsnbench.cli.study.file import open_study, write_lock_file
-    from vsnbench.errors import StudyError, UsageError
     from vsnbench.results.studies.entries import StudyChange
     from vsnbench.results.writing.journal import Journal
     from vsnbench.study.file import parse_study, read_text
     from vsnbench.study.lock import changes, check_amendment, sha256_of
 
-    if not reason.strip():
-        raise UsageError("no reason given", advice="give the reason for the change with --reason; the report has it")
+    _check_reason(reason, "the change")
     study = open_study(file, results, db)
     text = read_text(file)
     if study.integrity.differences or study.lacks_note:
@@ -165,16 +163,14 @@ def amend(
         change = StudyChange(text, sha256_of(text), amended.title, reason.strip(), "\n".join(lines))
         journal.amend_study(study.recorded.id, change)
     write_lock_file(file, study.results, study.recorded.uuid)
-    if as_json:
-        print_json({"sha256": change.sha256, "reason": change.reason, "changes": lines})
-        return
-    for line in lines:
-        typer.echo(line)
-    typer.echo("amended; the report lists the change", err=True)
+    fields = {"sha256": change.sha256, "reason": change.reason, "changes": lines}
+    print_result(fields, "\n".join(lines), as_json=as_json)
+    if not as_json:
+        typer.echo("amended; the report lists the change", err=True)
 
 
 def unblind(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     reason: Annotated[str, typer.Option("--reason", help="Reason for unblinding; printed in the report.")] = "",
     results: Results = None,
     db: Database = None,
@@ -185,30 +181,26 @@ def unblind(
     [bold]vsnbench study unblind study.yaml --reason "all trials are done"[/bold]
     """
     from vsnbench.cli.study.file import open_study, remove_blind_copies
-    from vsnbench.errors import UsageError
     from vsnbench.results.studies.entries import OVER
     from vsnbench.results.studies.queries import trials_of
     from vsnbench.results.writing.journal import Journal
 
-    if not reason.strip():
-        raise UsageError("no reason given", advice="give the reason for unblinding with --reason; the report has it")
+    _check_reason(reason, "unblinding")
     study = open_study(file, results, db)
     with Journal.open(study.results.database_url) as journal:
         trials = trials_of(journal.engine, study.recorded.id)
         journal.unblind_study(study.recorded.id, reason.strip())
     remove_blind_copies(study.results, study.recorded.uuid)
-    if as_json:
-        print_json({"arms": {arm.code: arm.name for arm in study.recorded.arms}})
-    for arm in study.recorded.arms if not as_json else ():
-        typer.echo(f"arm {arm.code} is {arm.name}")
+    arms = {arm.code: arm.name for arm in study.recorded.arms}
+    text = "\n".join(f"arm {code} is {name}" for code, name in arms.items())
+    print_result({"arms": arms}, text, as_json=as_json)
     early = any(trial.left for trial in trials) and not any(entry.kind == OVER for entry in study.recorded.entries)
     if early:
         typer.echo("vsnbench: warning: trials are left; the report marks the unblinding as early", err=True)
-    sys.stdout.flush()
 
 
 def report(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     form: Annotated[StudyFormat, typer.Option("--format", "-f", help="Output format on stdout.")] = StudyFormat.TABLE,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Directory for the report in every format.")
@@ -222,7 +214,8 @@ def report(
     [bold]vsnbench study report study.yaml --output report/[/bold]
     """
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.report import print_findings, write_findings
+    from vsnbench.files.atomic import write_atomic
+    from vsnbench.report.study import forms
     from vsnbench.report.study.findings import read_findings
 
     study = open_study(file, results, db)
@@ -232,8 +225,31 @@ def report(
         differences=checked.differences,
         remarks=checked.remarks,
     )
+    written_as = {
+        StudyFormat.HTML: ("study.html", forms.to_html),
+        StudyFormat.MARKDOWN: ("study.md", forms.to_markdown),
+        StudyFormat.LATEX: ("study.tex", forms.to_latex),
+        StudyFormat.JSON: ("study.json", forms.to_json),
+    }
+    form = StudyFormat.JSON if as_json else form
     if output is not None:
-        print_files(write_findings(found, output), as_json=as_json)
+        files = {output / name: write(found).encode() for name, write in written_as.values()}
+        for file, content in files.items():
+            write_atomic(file, content)
+        print_files(files, as_json=as_json)
+    elif form is StudyFormat.TABLE:
+        _print_findings(found)
     else:
-        print_findings(StudyFormat.JSON if as_json else form, found)
+        typer.echo(written_as[form][1](found), nl=False)
     _print_warnings(study)
+
+
+def _print_findings(found: "StudyFindings") -> None:
+    from vsnbench.report.study.tables import study_tables
+    from vsnbench.report.tables.report_table import print_tables
+
+    console = page()
+    console.print(f"[bold]{safe(found.recorded.title)}[/bold]")
+    console.print(f"[dim]{safe(found.plan.question)}[/dim]\n")
+    console.print(f"[bold]{safe(found.conclusion)}[/bold]\n")
+    print_tables(study_tables(found), console)

@@ -1,24 +1,20 @@
 """What `study plan` shows of a record for a study on progress."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from vsnbench.errors import RecordError
+from vsnbench.report.analysis.episodes_frame import read_report_data
+from vsnbench.report.study.pilot import PilotPair, pilot_pairs
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.runner.study.arms import StudyPlace
 
-    from vsnbench.report.study.pilot import PilotPair
-    from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.runner.study.arms import StudyPlace
 
-
-def recorded_pairs(place: "StudyPlace", results: "ResultsDirectory") -> "tuple[PilotPair, ...]":
+def recorded_pairs(place: StudyPlace, results: ResultsDirectory) -> tuple[PilotPair, ...]:
     """Return the recorded pairs for a study on progress; none for other studies, or without a record."""
-    from vsnbench.errors import RecordError
-    from vsnbench.report.analysis.episodes_frame import read_report_data
-    from vsnbench.report.study.pilot import pilot_pairs
-    from vsnbench.results.schema.migrate import open_record
-
     if not place.study.of_progress:
         return ()
     try:
@@ -30,15 +26,7 @@ def recorded_pairs(place: "StudyPlace", results: "ResultsDirectory") -> "tuple[P
     return pilot_pairs(record, place.study, place.site.sha256, starts)
 
 
-def no_pairs_line(place: "StudyPlace") -> str:
-    """Return why nothing is known of what progress saves."""
-    return (
-        f"the record has no two models with progress in the same cells of {place.site.name} on these goals: what "
-        "progress saves against success is unknown"
-    )
-
-
-def pilot_fields(pairs: "Sequence[PilotPair]") -> list[dict[str, Any]]:
+def pilot_fields(pairs: Sequence[PilotPair]) -> list[dict[str, Any]]:
     """Return the pairs as JSON fields; null for what is not finite."""
     fields = []
     for pair in pairs:

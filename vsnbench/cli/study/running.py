@@ -1,44 +1,25 @@
 """Runs a study from the terminal and prints a summary: what is done, what is left and the next command."""
 
-from dataclasses import asdict, dataclass
-from datetime import datetime
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from pathlib import Path
 
 from rich.markup import escape
 
-from vsnbench.cli.running.summary import print_next, stopped_message, summary_console
+from vsnbench.cli.running.summary import print_awaiting, print_next, summary_console
+from vsnbench.cli.study.file import OpenedStudy
 from vsnbench.cli.support.output import is_quiet, print_json
 from vsnbench.errors import StudyError
+from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.operator.provider import OperatorProvider
-from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.runner.study.arms import StudyPlace
 from vsnbench.runner.study.session import run_study
 from vsnbench.runner.study.source import StudyRequest, StudyResult
 from vsnbench.text.sanitize import counted
-from vsnbench.text.terminal import Console
 from vsnbench.viewer.live import RerunEpisodes
 
-if TYPE_CHECKING:
-    from vsnbench.cli.study.file import OpenedStudy
 
-
-@dataclass(frozen=True, slots=True)
-class StudyRunOptions:
-    """Options of `vsnbench study run`."""
-
-    only_next: bool
-    """Stop after one trial."""
-    until: datetime | None
-    """Start no trial from then on."""
-    memory_bytes: int | None
-    """Memory for loaded models; half of the machine's when None."""
-    live: bool
-    """Show each episode in Rerun while it runs."""
-    as_json: bool
-
-
-def run_and_report(study: "OpenedStudy", options: StudyRunOptions, provider: OperatorProvider) -> int:
-    """Run a study; return the exit code: 0 if nothing is left to run, 1 if trials are left, 129 to 143 if stopped.
+def place_of(study: OpenedStudy) -> StudyPlace:
+    """Return the site and the schedule of a study.
 
     Raises:
         StudyError: the site or the schedule differs from the locked one.
@@ -50,24 +31,27 @@ def run_and_report(study: "OpenedStudy", options: StudyRunOptions, provider: Ope
             advice="restore the site file as it was locked",
             code="schedule-changed",
         )
-    console = summary_console()
-    request = StudyRequest(study.recorded, place, study.results, options.only_next, options.until, options.memory_bytes)
-    try:
-        with RerunEpisodes(live=options.live) as viewer:
-            result = run_study(request, provider, viewer)
-            viewer.linger()
-    except Stopped as stopped:
-        console.print(stopped_message(stopped))
-        return stopped.request.exit_code
-    if not (options.as_json and is_quiet()):
-        _print_summary(console, study, result)
-    if options.as_json:
-        print_json({"results": str(study.results.path), **asdict(result)})
+    return place
+
+
+def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider, *, live: bool, as_json: bool) -> int:
+    """Run a study and return the exit code: 0 if nothing is left to run, 1 if trials are left.
+
+    Raises:
+        Stopped: a person or the system asked to stop.
+    """
+    with RerunEpisodes(live=live) as viewer:
+        result = run_study(request, provider, viewer)
+        viewer.linger()
+    if not (as_json and is_quiet()):
+        _print_summary(file, request.results, result)
+    if as_json:
+        print_json({"results": str(request.results.path), **asdict(result)})
     return 1 if result.left or result.elsewhere else 0
 
 
-def _print_summary(console: Console, study: "OpenedStudy", result: StudyResult) -> None:
-    options = escape(study.results.options)
+def _print_summary(file: Path, results: ResultsDirectory, result: StudyResult) -> None:
+    console = summary_console()
     if result.stopped_because:
         console.print(f"[yellow]stopped[/yellow]: {escape(result.stopped_because)}")
     if result.over:
@@ -82,10 +66,6 @@ def _print_summary(console: Console, study: "OpenedStudy", result: StudyResult) 
     if result.elsewhere:
         console.print(f"[yellow]{counted(result.elsewhere, 'trial')} running elsewhere[/yellow], in another process.")
     if not (result.left or result.elsewhere or result.over):
-        console.print(f"[green]every trial is done[/green]; results in {escape(str(study.results.path))}")
-    if result.awaiting:
-        console.print(
-            f"[cyan]{counted(result.awaiting, 'trial')} to be judged[/cyan] before they count: "
-            f"vsnbench judge --pending{options}"
-        )
-    print_next(console, f"study report {study.file}{study.results.options}")
+        console.print(f"[green]every trial is done[/green]; results in {escape(str(results.path))}")
+    print_awaiting(console, result.awaiting, results)
+    print_next(console, f"study report {file}{results.options}")

@@ -1,19 +1,22 @@
 """Text about a study before it runs: its arms, warnings, power and duration."""
 
+import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
+from vsnbench.errors import RecordError
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.studies.entries import LockedArm
+from vsnbench.results.studies.queries import trial_duration_s
+from vsnbench.runner.study.arms import StudyPlace
+from vsnbench.study.power import DIFFERENCES, PlannedPower, design_of_study, pairs_of, planned_power
+from vsnbench.study.stopping import min_units
+from vsnbench.study.units import unit_rule
 from vsnbench.text.sanitize import counted, duration_text
 
-if TYPE_CHECKING:
-    from vsnbench.report.tables.report_table import ReportTable
-    from vsnbench.results.files.directory import ResultsDirectory
-    from vsnbench.results.studies.entries import LockedArm
-    from vsnbench.runner.study.arms import StudyPlace
-    from vsnbench.study.power import PlannedPower
 
-
-def arm_lines(arms: "Sequence[LockedArm]") -> Iterator[str]:
+def arm_lines(arms: Sequence[LockedArm]) -> Iterator[str]:
     """Yield one line per arm: its model, weights and number of trials."""
     width = max(len(arm.name) for arm in arms)
     for arm in arms:
@@ -23,7 +26,7 @@ def arm_lines(arms: "Sequence[LockedArm]") -> Iterator[str]:
         yield f"{arm.name:<{width}}  {model.name}{weights}: {len(arm.plan.trials)} trials{bound}"
 
 
-def arm_fields(arms: "Sequence[LockedArm]") -> list[dict[str, object]]:
+def arm_fields(arms: Sequence[LockedArm]) -> list[dict[str, object]]:
     """Return the same as JSON fields."""
     return [
         {
@@ -38,10 +41,8 @@ def arm_fields(arms: "Sequence[LockedArm]") -> list[dict[str, object]]:
     ]
 
 
-def warnings_of(place: "StudyPlace") -> Iterator[str]:
+def warnings_of(place: StudyPlace) -> Iterator[str]:
     """Yield what reveals the arms to an operator, and weaknesses of the design."""
-    import re
-
     study = place.study
     if study.blind:
         names = {name.lower() for name in study.arms} | {arm.model.lower() for arm in study.arms.values()}
@@ -57,11 +58,8 @@ def warnings_of(place: "StudyPlace") -> Iterator[str]:
         yield "stopping: decided concludes about these cells only; about: cells-like-these generalizes to others"
 
 
-def power_table(place: "StudyPlace", rate: float) -> "ReportTable":
+def power_table(place: StudyPlace, rate: float) -> ReportTable:
     """Return the power of a design for several true differences."""
-    from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
-    from vsnbench.study.power import DIFFERENCES, design_of_study, pairs_of, planned_power
-
     study = place.study
     starts = len({trial.start for trial in place.schedule.trials})
     design = design_of_study(study, starts, rate)
@@ -102,16 +100,13 @@ def power_table(place: "StudyPlace", rate: float) -> "ReportTable":
     return ReportTable("power", "Power of this design", columns, rows, tuple(notes))
 
 
-def _stopping_notes(place: "StudyPlace", planned: "PlannedPower") -> "Iterator[str]":
+def _stopping_notes(place: StudyPlace, planned: PlannedPower) -> Iterator[str]:
     """Yield when a study with `stopping: decided` can end, and what it assumes.
 
     Args:
         place: site and schedule of the study.
         planned: power at the difference of the plan.
     """
-    from vsnbench.study.stopping import min_units
-    from vsnbench.study.units import unit_rule
-
     study, rule = place.study, unit_rule(place.study, place.shared_blocks)
     fewest = min_units(study, place.shared_blocks)
     earliest = f"not before {counted(fewest, rule.name)} of {rule.planned}" if fewest else "by no test"
@@ -127,12 +122,8 @@ def _stopping_notes(place: "StudyPlace", planned: "PlannedPower") -> "Iterator[s
         )
 
 
-def duration_line(place: "StudyPlace", results: "ResultsDirectory", seconds: float | None) -> str:
+def duration_line(place: StudyPlace, results: ResultsDirectory, seconds: float | None) -> str:
     """Return the duration of the whole plan, from a given duration of a trial or the median in the record."""
-    from vsnbench.errors import RecordError
-    from vsnbench.results.schema.migrate import open_record
-    from vsnbench.results.studies.queries import trial_duration_s
-
     trials, source = len(place.schedule.trials), "as given"
     if seconds is None:
         robot = place.study.robot.partition(":")[2] or ("turtlebot2" if place.study.robot == "simulated" else "")

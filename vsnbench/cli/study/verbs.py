@@ -2,22 +2,28 @@
 
 import sys
 from enum import StrEnum
-from pathlib import Path
 from shlex import quote
 from typing import Annotated
 
 import typer
 
 from vsnbench.cli.study import locked
+from vsnbench.cli.study.locked import DEFAULT_FILE, File
 from vsnbench.cli.support.lists import split_list
-from vsnbench.cli.support.options import Database, Rehearse, Results, SimulatedSite
+from vsnbench.cli.support.options import (
+    Database,
+    Rehearse,
+    Results,
+    SimulatedSite,
+    configured_option,
+    results_directory,
+)
 from vsnbench.cli.support.output import Json, print_files, print_json
-from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE, VARIABLE_OF
+from vsnbench.cli.support.terminal import page
+from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
+from vsnbench.errors import StudyError, UsageError
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
-
-File = Annotated[Path, typer.Argument(help="Path of the study file.")]
-_DEFAULT = Path("study.yaml")
+app = typer.Typer(no_args_is_help=True)
 
 
 class StoppingChoice(StrEnum):
@@ -29,7 +35,7 @@ class StoppingChoice(StrEnum):
 
 @app.command()
 def new(  # noqa: PLR0913 - Typer needs a parameter per option
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     title: Annotated[str, typer.Option("--title", help="Title, without names of models; operators see it.")] = "",
     question: Annotated[str, typer.Option("--question", help="Question of the study.")] = "",
     arm: Annotated[
@@ -50,12 +56,7 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
         typer.Option("--repetitions", min=1, max=1000, help="Repetitions of each goal from each starting position."),
     ] = 1,
     site: SimulatedSite = BUILT_IN_SITE,
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot", "-r", envvar=VARIABLE_OF["robot"], show_envvar=False, help="Robot, as for `vsnbench run`."
-        ),
-    ] = BUILT_IN_ROBOT,
+    robot: Annotated[str, configured_option("robot", "-r", help="Robot, as for `vsnbench run`.")] = BUILT_IN_ROBOT,
     seed: Annotated[
         int,
         typer.Option(
@@ -77,7 +78,6 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench study new --arm il=pirlnav --arm vlv --goal bed,chair --seed 7[/bold]
     """
-    from vsnbench.errors import StudyError, UsageError
     from vsnbench.files.atomic import write_atomic
     from vsnbench.models.names import class_of
     from vsnbench.study.file import parse_study
@@ -143,7 +143,7 @@ def _arm_name(model: str) -> str:
 
 
 @app.command()
-def check(file: File = _DEFAULT, as_json: Json = False) -> None:
+def check(file: File = DEFAULT_FILE, as_json: Json = False) -> None:
     """Check a study file: its site, robot, models and goals.
 
     [bold]vsnbench study check study.yaml[/bold]
@@ -164,14 +164,9 @@ def check(file: File = _DEFAULT, as_json: Json = False) -> None:
             f"this design cannot show a difference: {place.design_error}; `study lock` refuses it without --force"
         )
     if as_json:
-        fields = {
-            "trials": trials,
-            "cells": cells,
-            "repetitions": study.repetitions,
-            "order": study.order,
-            "seed": study.seed,
-        }
-        print_json({"arms": arm_fields(arms), **fields, "stopping": study.stopping, "warnings": warnings})
+        size = {"trials": trials, "cells": cells, "repetitions": study.repetitions}
+        rules = {"order": study.order, "seed": study.seed, "stopping": study.stopping}
+        print_json({"arms": arm_fields(arms), **size, **rules, "warnings": warnings})
         return
     for line in arm_lines(arms):
         typer.echo(line)
@@ -187,7 +182,7 @@ def check(file: File = _DEFAULT, as_json: Json = False) -> None:
 
 @app.command()
 def plan(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     rate: Annotated[float, typer.Option("--rate", min=0.01, max=0.99, help="Assumed mean success rate.")] = 0.5,
     seconds: Annotated[
         float | None,
@@ -201,18 +196,16 @@ def plan(
 
     [bold]vsnbench study plan study.yaml --rate 0.6[/bold]
     """
-    from vsnbench.cli.study.pilot import no_pairs_line, pilot_fields, recorded_pairs
+    from vsnbench.cli.study.pilot import pilot_fields, recorded_pairs
     from vsnbench.cli.study.text import duration_line, power_table
-    from vsnbench.cli.support.terminal import page
     from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.tables.report_table import print_tables
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.study.arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    table, directory = power_table(place, rate), ResultsDirectory.locate(results, db)
+    table, directory = power_table(place, rate), results_directory(results, db)
     pace = duration_line(place, directory, seconds)
     pairs = recorded_pairs(place, directory)
     if as_json:
@@ -223,13 +216,16 @@ def plan(
         return
     print_tables([table, *([pilot_table(pairs, study)] if pairs else [])], page())
     if study.of_progress and not pairs:
-        typer.echo(no_pairs_line(place))
+        typer.echo(
+            f"the record has no two models with progress in the same cells of {place.site.name} on these goals: what "
+            "progress saves against success is unknown"
+        )
     typer.echo(pace)
 
 
 @app.command()
 def lock(
-    file: File = _DEFAULT,
+    file: File = DEFAULT_FILE,
     force: Annotated[bool, typer.Option("--force", help="Lock a design that cannot show a difference.")] = False,
     results: Results = None,
     db: Database = None,
@@ -243,8 +239,6 @@ def lock(
     """
     from vsnbench.cli.study.file import study_of_file, write_lock_file
     from vsnbench.cli.study.text import warnings_of
-    from vsnbench.errors import StudyError
-    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.study import locking
     from vsnbench.runner.study.arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
@@ -256,7 +250,7 @@ def lock(
             f"{file} is already locked ({note_path(file)})", advice=f"run it: vsnbench study run {quote(str(file))}"
         )
     study = parse_study(text, str(file))
-    where = ResultsDirectory.locate(results, db)
+    where = results_directory(results, db)
     if known := study_of_file(text, where):
         write_lock_file(file, where, known.uuid)
         typer.echo(f"{file} is already locked: wrote {note_path(file)} again from the record", err=True)
@@ -283,4 +277,5 @@ def lock(
     typer.echo(f"next: vsnbench study run {quote(str(file))}{where.options}", err=True)
 
 
-locked.add_to(app)
+for _function in (locked.run, locked.status, locked.amend, locked.unblind, locked.report):
+    app.command()(_function)

@@ -13,9 +13,11 @@ from typing import Any, get_args
 from typer import Context
 from typer.models import ArgumentInfo, OptionInfo
 
+from vsnbench.cli.support.lists import split_list
+
 logger = logging.getLogger(__name__)
 
-READS_RECORD = frozenset({"report", "compare", "episodes", "export"})
+_READS_RECORD = frozenset({"report", "compare", "episodes", "export"})
 """Commands whose --model selects recorded models."""
 _LATEST_EPISODES = 50
 
@@ -34,9 +36,8 @@ def add_completion(verb: str, function: Callable[..., Any]) -> None:
 
 def _completion_of(verb: str, name: str, info: object) -> Complete | None:
     if isinstance(info, OptionInfo):
-        recorded = verb in READS_RECORD
         of_option: dict[str, Complete] = {
-            "--model": recorded_models if recorded else known_models,
+            "--model": recorded_models if verb in _READS_RECORD else known_models,
             "--goal": goals,
             "--site": sites,
             "--robot": robots,
@@ -77,7 +78,6 @@ def goals(context: Context, incomplete: str) -> list[Any]:
 
 def _goals_of_sites(context: Context) -> list[str]:
     """Return what can be a goal at the sites of `--site` or the default one; nothing of a site that cannot be read."""
-    from vsnbench.cli.support.lists import split_list
     from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, apply_config_defaults
     from vsnbench.sites.site import load_site
 

@@ -2,9 +2,11 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,31 +17,37 @@ from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
     from vsnbench.config import Config
     from vsnbench.models.camera_fit import Fit
-    from vsnbench.results.files.directory import KeepFiles
+    from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.web.operator.page import OperatorPage
 
-EXECUTION_PANEL = "Execution"
-RECORD_PANEL = "Record"
-"""Headings in `--help`."""
+
+def options_under(heading: str) -> Callable[..., Any]:
+    """Return `typer.Option` for options that `--help` lists under a heading."""
+    return partial(typer.Option, rich_help_panel=heading)
+
+
+def configured_option(name: str, *names: str, **settings: Any) -> Any:
+    """Return the option of a value that also a variable or vsnbench.toml can set."""
+    return typer.Option(f"--{name}", *names, envvar=VARIABLE_OF[name], show_envvar=False, **settings)
+
+
+execution_option = options_under("Execution")
+record_option = options_under("Record")
 
 Results = Annotated[
-    Path | None,
-    typer.Option(
-        "--results",
-        help="Results directory. Default: $VSNBENCH_RESULTS, else ./results.",
-        rich_help_panel=RECORD_PANEL,
-    ),
+    Path | None, record_option("--results", help="Results directory. Default: $VSNBENCH_RESULTS, else ./results.")
 ]
 Database = Annotated[
     str | None,
-    typer.Option(
+    record_option(
         "--db",
         metavar="URL",
         help="SQLAlchemy URL of a database (postgresql+psycopg://...) instead of the directory's SQLite file.",
-        rich_help_panel=RECORD_PANEL,
     ),
 ]
 Models = Annotated[list[str] | None, typer.Option("--model", "-m", metavar="A,B", help="Only these models.")]
@@ -51,74 +59,63 @@ Campaigns = Annotated[
 ]
 Console = Annotated[
     str | None,
-    typer.Option(
+    execution_option(
         "--console",
         metavar="[ADDRESS:PORT]",
         help="Page for the operator in a browser. Default: 127.0.0.1:8710, or as in vsnbench.toml.",
-        rich_help_panel=EXECUTION_PANEL,
     ),
 ]
-Live = Annotated[
-    bool, typer.Option("--live", help="Show each episode in Rerun while it runs.", rich_help_panel=RECORD_PANEL)
-]
+Live = Annotated[bool, record_option("--live", help="Show each episode in Rerun while it runs.")]
 Unattended = Annotated[
-    bool,
-    typer.Option(
-        "--unattended",
-        help="Run a real robot without an operator; its episodes await judgement.",
-        rich_help_panel=EXECUTION_PANEL,
-    ),
+    bool, execution_option("--unattended", help="Run a real robot without an operator; its episodes await judgement.")
 ]
-SimulatedSite = Annotated[
-    str,
-    typer.Option(
-        "--site",
-        envvar=VARIABLE_OF["site"],
-        show_envvar=False,
-        help="Name of an embedded site, or path of a site file.",
-    ),
-]
+SimulatedSite = Annotated[str, configured_option("site", help="Name of an embedded site, or path of a site file.")]
 RobotOrProfile = Annotated[
     str,
-    typer.Option(
-        "--robot",
-        "-r",
-        envvar=VARIABLE_OF["robot"],
-        show_envvar=False,
-        help="Robot: turtlebot2, lola2, turtlebot4, the path of a profile, or simulated.",
-    ),
+    configured_option("robot", "-r", help="Robot: turtlebot2, lola2, turtlebot4, the path of a profile, or simulated."),
 ]
 Protocol = Annotated[
     str,
-    typer.Option(
-        "--protocol",
-        metavar="NAME|FILE",
-        envvar=VARIABLE_OF["protocol"],
-        show_envvar=False,
-        help="Rules of the trials: a name of `vsnbench protocol list`, or a YAML file.",
+    configured_option(
+        "protocol", metavar="NAME|FILE", help="Rules of the trials: a name of `vsnbench protocol list`, or a YAML file."
     ),
 ]
 Disturb = Annotated[
     list[str] | None,
-    typer.Option(
+    execution_option(
         "--disturb",
         metavar="A,B=VALUE,C@SEVERITY",
         help="Disturbances of what the model sees, like blur=2 (in px), glare@4 (severity 1 to 5) or low_light.",
-        rich_help_panel=EXECUTION_PANEL,
     ),
 ]
 Rehearse = Annotated[
-    bool,
-    typer.Option(
-        "--rehearse",
-        help="Rehearse with a simulated robot that the operator places and judges.",
-        rich_help_panel=EXECUTION_PANEL,
-    ),
+    bool, execution_option("--rehearse", help="Rehearse with a simulated robot that the operator places and judges.")
 ]
 
 _MAX_WORKERS = 4096
 _HOST_AND_PORT = re.compile(r"(?P<host>.*?)(?::(?P<port>\d{1,5}))?")
 _LARGEST_PORT = 65535
+
+
+def results_directory(results: Path | None, db: str | None) -> "ResultsDirectory":
+    """Return the directory and the database of `--results` and `--db`, without accessing them."""
+    from vsnbench.results.files.directory import ResultsDirectory
+
+    return ResultsDirectory.locate(results, db)
+
+
+@contextmanager
+def open_results(results: Path | None, db: str | None) -> "Iterator[tuple[ResultsDirectory, Engine]]":
+    """Open the existing record of `--results` and `--db` for reading.
+
+    Raises:
+        RecordError: no record exists, or its schema is not the current one.
+    """
+    from vsnbench.results.schema.migrate import open_record
+
+    place = results_directory(results, db)
+    with open_record(place.database_url) as engine:
+        yield place, engine
 
 
 def sites_of(values: Sequence[str] | None) -> tuple[str, ...]:

@@ -134,6 +134,14 @@ def _json_text(value: object) -> str:
     return value.isoformat() if isinstance(value, date) else str(value)
 
 
+def print_result(fields: object, text: str, *, as_json: bool) -> None:
+    """Print a result: its fields as JSON, or the text."""
+    if as_json:
+        print_json(fields)
+    else:
+        typer.echo(text)
+
+
 def print_files(files: Iterable[Path | str], *, as_json: bool, **fields: object) -> None:
     """Print the paths of written files, one per line; as JSON a list `files`, and further fields."""
     written = [str(file) for file in files]
@@ -142,3 +150,16 @@ def print_files(files: Iterable[Path | str], *, as_json: bool, **fields: object)
         return
     for file in written:
         typer.echo(file)
+
+
+def confirm(statement: str, question: str, nothing_done: str) -> None:
+    """Ask a question on the terminal; after a no, exit with code 1.
+
+    Raises:
+        UsageError: there is no terminal to ask on.
+    """
+    if is_quiet() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError(statement, advice=f"{nothing_done}; add --yes to confirm")
+    if not typer.confirm(question, err=True):
+        typer.echo(nothing_done, err=True)
+        raise typer.Exit(1)

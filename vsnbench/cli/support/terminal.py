@@ -4,6 +4,8 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from vsnbench.text.sanitize import sanitize
+
 if TYPE_CHECKING:
     from vsnbench.text.terminal import Console
 
@@ -19,7 +21,5 @@ def page() -> "Console":
 def safe(text: object) -> str:
     """Return text from the record with rich's markup and terminal escapes disabled."""
     from rich.markup import escape
-
-    from vsnbench.text.sanitize import sanitize
 
     return escape(sanitize(str(text)))

@@ -4,135 +4,92 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from vsnbench.cli.support.lists import split_list, split_numbers
-from vsnbench.cli.support.options import EXECUTION_PANEL, RECORD_PANEL
-from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
+from vsnbench.cli.support.options import configured_option, execution_option, options_under, record_option
+from vsnbench.config import BUILT_IN_SITE, load_config
 from vsnbench.errors import UsageError
 
 _LARGEST_SEED = 2**63 - 1
 
-MODEL_PANEL = "Model"
-TRIALS_PANEL = "Trials"
-"""Headings in `--help`."""
+model_option = options_under("Model")
+trials_option = options_under("Trials")
 
 Model = Annotated[
     list[str],
-    typer.Option(
+    trials_option(
         "--model",
         "-m",
         metavar="A,B",
         help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
-        rich_help_panel=TRIALS_PANEL,
     ),
 ]
 Goal = Annotated[
-    list[str],
-    typer.Option(
-        "--goal",
-        "-g",
-        metavar="A,B",
-        help="Categories or goals of the site, or all.",
-        rich_help_panel=TRIALS_PANEL,
-    ),
+    list[str], trials_option("--goal", "-g", metavar="A,B", help="Categories or goals of the site, or all.")
 ]
 Site = Annotated[
     list[str] | None,
-    typer.Option(
+    trials_option(
         "--site",
         metavar="A,B",
         show_default=BUILT_IN_SITE,
         help="Sites: embedded ones, site files, or flat:0-19 (generated flats).",
-        rich_help_panel=TRIALS_PANEL,
     ),
 ]
 Robot = Annotated[
     str,
-    typer.Option(
-        "--robot",
+    configured_option(
+        "robot",
         "-r",
-        envvar=VARIABLE_OF["robot"],
-        show_envvar=False,
         help="Robot: simulated, simulated:lola2, turtlebot2 or another of `vsnbench robots list`.",
-        rich_help_panel=TRIALS_PANEL,
+        rich_help_panel="Trials",
     ),
 ]
 Starts = Annotated[
     list[str] | None,
-    typer.Option(
-        "--starts",
-        metavar="N,N-M",
-        show_default="all of the site",
-        help="Starting positions, like 1-15,20.",
-        rich_help_panel=TRIALS_PANEL,
+    trials_option(
+        "--starts", metavar="N,N-M", show_default="all of the site", help="Starting positions, like 1-15,20."
     ),
 ]
 Repetitions = Annotated[
-    int,
-    typer.Option(
-        "--repetitions",
-        min=1,
-        max=1000,
-        help="Repetitions of each goal from each starting position.",
-        rich_help_panel=TRIALS_PANEL,
-    ),
+    int, trials_option("--repetitions", min=1, max=1000, help="Repetitions of each goal from each starting position.")
 ]
 Seed = Annotated[
     list[str] | None,
-    typer.Option(
+    trials_option(
         "--seed",
         metavar="N,N-M",
         show_default="0",
         help="Seeds of all random choices, like 0-9; one campaign per seed.",
-        rich_help_panel=TRIALS_PANEL,
     ),
 ]
 MaxSteps = Annotated[
     int | None,
-    typer.Option(
-        "--max-steps",
-        min=1,
-        max=100_000,
-        show_default="the protocol's",
-        help="Maximum number of actions per episode.",
-        rich_help_panel=TRIALS_PANEL,
+    trials_option(
+        "--max-steps", min=1, max=100_000, show_default="the protocol's", help="Maximum number of actions per episode."
     ),
 ]
-Noise = Annotated[
-    bool,
-    typer.Option("--noise", help="Add noise to simulated depth and odometry.", rich_help_panel=EXECUTION_PANEL),
-]
+Noise = Annotated[bool, execution_option("--noise", help="Add noise to simulated depth and odometry.")]
 Workers = Annotated[
     str,
-    typer.Option(
+    execution_option(
         "--workers",
         metavar="N|auto|ray://HEAD:PORT",
         help="Number of simulated trials at a time (auto: by cores and memory), or a Ray cluster.",
-        rich_help_panel=EXECUTION_PANEL,
     ),
 ]
 Weights = Annotated[
     Path | None,
-    typer.Option(
-        "--weights",
-        "-w",
-        help="File of the model's weights, or 'embedded' for the packaged ones.",
-        rich_help_panel=MODEL_PANEL,
-    ),
+    model_option("--weights", "-w", help="File of the model's weights, or 'embedded' for the packaged ones."),
 ]
-ModelConfig = Annotated[
-    Path | None, typer.Option("--model-config", help="YAML file of the model's settings.", rich_help_panel=MODEL_PANEL)
-]
+ModelConfig = Annotated[Path | None, model_option("--model-config", help="YAML file of the model's settings.")]
 
 Keep = Annotated[
     str,
-    typer.Option(
+    record_option(
         "--keep",
         metavar="all|images|none",
         help="Files of an episode: images and a Rerun copy (all), images, or none (simulation only).",
         show_default="all with an operator, else images",
-        rich_help_panel=RECORD_PANEL,
     ),
 ]
 

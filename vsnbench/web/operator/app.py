@@ -133,8 +133,7 @@ class OperatorApp:
         return JSONResponse({"you": name}, headers={"set-cookie": access_of(request).set_cookie_header(visitor)})
 
     async def _answer(self, request: Request) -> Response:
-        body = await json_body(request)
-        author = _author(request)
+        body, author = await _signed_body(request)
         answer = text_field(body, "answer", 20)
         if answer not in list(Choice):
             raise HTTPException(400, f"{answer!r} is not an answer")
@@ -142,8 +141,7 @@ class OperatorApp:
         return JSONResponse({})
 
     async def _judge(self, request: Request) -> Response:
-        body = await json_body(request)
-        author = _author(request)
+        body, author = await _signed_body(request)
         ended, episode = self._prompts.state.ended, integer_field(body, "episode")
         if ended is None or ended.number != episode:
             raise HTTPException(409, f"#{episode} is not the current question")
@@ -163,8 +161,7 @@ class OperatorApp:
             raise HTTPException(400, str(error)) from error
 
     async def _request_placing(self, request: Request) -> Response:
-        body = await json_body(request)
-        _author(request)
+        body, _ = await _signed_body(request)
         action = text_field(body, "action", 20)
         if action not in (LOOK, TURN, MOVED):
             raise HTTPException(400, f"{action!r} is not an action of the placing")
@@ -194,8 +191,7 @@ class OperatorApp:
         return Response(frame, media_type="image/jpeg")
 
     async def _amend(self, request: Request) -> Response:
-        body = await json_body(request)
-        author = _author(request)
+        body, author = await _signed_body(request)
         episode, seen = integer_field(body, "episode"), integer_field(body, "seen")
         try:
             verdict = await run_in_threadpool(self._corrections.amend, episode, judging_form(body), author, seen)
@@ -204,8 +200,7 @@ class OperatorApp:
         return JSONResponse({"verdict": verdict})
 
     async def _undo(self, request: Request) -> Response:
-        body = await json_body(request)
-        author = _author(request)
+        body, author = await _signed_body(request)
         episode, seen = integer_field(body, "episode"), integer_field(body, "seen")
         return JSONResponse({"verdict": await run_in_threadpool(self._corrections.undo, episode, author, seen)})
 
@@ -220,8 +215,7 @@ class OperatorApp:
         return "Stopped. The episode ends here." if episode_ends else "Stop command sent to the robot."
 
     async def _pause(self, request: Request) -> Response:
-        body = await json_body(request)
-        author = _author(request)
+        body, author = await _signed_body(request)
         self._prompts.pause(author if body.get("pause") is True else "")
         return JSONResponse({})
 
@@ -279,16 +273,16 @@ def _unusable_answer(error: MisreadError) -> JSONResponse:
     return JSONResponse({"message": str(error), "code": error.code, "needs_confirmation": needs_confirmation}, 422)
 
 
-def _author(request: Request) -> str:
-    """Return the name of the operator who sent a request.
+async def _signed_body(request: Request) -> tuple[dict[str, Any], str]:
+    """Return the JSON object of a request, and the name of the operator who sent it.
 
     Raises:
-        HTTPException: 403, the operator has not signed in.
+        HTTPException: 400, the body is not a JSON object; 403, the operator has not signed in.
     """
-    visitor = visitor_of(request)
-    if not visitor.name:
+    body, name = await json_body(request), visitor_of(request).name
+    if not name:
         raise HTTPException(403, "sign in first: your name is recorded with your answers")
-    return visitor.name
+    return body, name
 
 
 def _jpeg(rgb: Any) -> bytes:

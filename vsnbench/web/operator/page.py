@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import segno
 
@@ -15,15 +14,13 @@ from vsnbench.web.operator.app import OperatorApp
 from vsnbench.web_server.server import LOOPBACK, WebServer
 from vsnbench.web_server.session_key import SessionKey
 
-DEFAULT_PORT: Final = 8710
-
 
 @dataclass(frozen=True, slots=True)
 class OperatorPage:
     """Address of the page, and its certificate."""
 
     address: str = LOOPBACK
-    port: int = DEFAULT_PORT
+    port: int = 8710
     certificate: Path | None = None
     private_key: Path | None = None
 

@@ -79,7 +79,7 @@ def _trial_json(upcoming: Upcoming) -> dict[str, Any]:
 def _placing_json(state: SessionState) -> dict[str, Any]:
     look = state.look
     measured = look.measured if look is not None else None
-    show_arrows = measured is not None and measured.advice and not measured.wants_turn
+    arrows = measured.arrows if measured and measured.advice and not measured.wants_turn else ()
     return {
         "can_measure": state.can_measure,
         "in_progress": state.looking,
@@ -92,9 +92,7 @@ def _placing_json(state: SessionState) -> dict[str, Any]:
         "within_tolerance": measured.within_tolerance if measured else False,
         "needs_turn": measured.wants_turn if measured else False,
         "matches_site": measured.fits if measured else False,
-        "arrows": [[arrow.direction.value, arrow.text] for arrow in measured.arrows]
-        if measured and show_arrows
-        else [],
+        "arrows": [[arrow.direction.value, arrow.text] for arrow in arrows],
         "pose": _pose_json(measured.pose) if measured and measured.determined else None,
         "has_image": look is not None and look.rgb is not None,
         "has_photo": look is not None and look.photo_jpeg is not None,

@@ -22,6 +22,7 @@ class FailureKinds:
         self._known: dict[int, str] = {}
         self._last_verdict = 0
         self._thread: threading.Thread | None = None
+        self._starting = threading.Lock()
         self._closed = threading.Event()
 
     @property
@@ -34,14 +35,16 @@ class FailureKinds:
         return dict(self._known)
 
     def update(self) -> None:
-        """Begin to classify what was judged since the last call, unless that is under way."""
-        if self.is_complete:
-            self._thread = threading.Thread(target=self._classify, name="failure-kinds", daemon=True)
-            self._thread.start()
+        """Begin to classify what was judged since the last call, unless that is under way or the page is closed."""
+        with self._starting:
+            if self.is_complete and not self._closed.is_set():
+                self._thread = threading.Thread(target=self._classify, name="failure-kinds", daemon=True)
+                self._thread.start()
 
     def close(self) -> None:
         """End the thread."""
-        self._closed.set()
+        with self._starting:
+            self._closed.set()
         if self._thread is not None:
             self._thread.join(10.0)
 

@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
+
 from vsnbench import __version__
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
 from vsnbench.files.atomic import write_atomic
@@ -116,16 +118,13 @@ def _write_episodes(
         for done, row in enumerate(listed["rows"]):
             number = int(row[COLUMNS.index("id")])
             progress("episodes", done, len(listed["rows"]))
-            episode = episode_json(engine, number)
+            episode, details = episode_json(engine, number), episode_details(engine, number)
             write_atomic(directory / "data" / f"episode-{number}.json", _json(episode))
-            if episode["site_sha256"] and episode["site_sha256"] not in drawn:
-                drawn.add(episode["site_sha256"])
-                site = site_of(episode_details(engine, number))
-                if site is not None:
-                    write_atomic(directory / "plan" / f"{episode['site_sha256']}.svg", plan_svg(site).encode())
-            written = _write_images(
-                results, episode_details(engine, number).summary.images_directory, episode, directory
-            )
+            site, sha256 = site_of(details), details.provenance.site_sha256
+            if site is not None and sha256 not in drawn:
+                drawn.add(sha256)
+                write_atomic(directory / "plan" / f"{sha256}.svg", plan_svg(site).encode())
+            written = _write_images(results, details.summary.images_directory, episode, directory)
             row[COLUMNS.index("has_images")] = bool(written)
             images += written
             if not (with_videos and written):
@@ -142,8 +141,6 @@ def _write_episodes(
 
 def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any], directory: Path) -> int:
     """Write the colour images of an episode, smaller than recorded, and return their number."""
-    import cv2
-
     if not images:
         return 0
     folder, written = results.episode_directory(images), 0

@@ -3,6 +3,7 @@
 import base64
 import binascii
 import json
+import math
 import threading
 from pathlib import Path
 from typing import Any, Final
@@ -18,8 +19,8 @@ from vsnbench.errors import SiteError
 from vsnbench.settings.yaml_file import text_faults
 from vsnbench.site_checks.check import check_site, format_finding
 from vsnbench.sites.categories import CATEGORIES, GOAL_CATEGORIES
-from vsnbench.sites.goals import GoalImage
 from vsnbench.sites.site import Site, parse_site
+from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.web.site_editor.document import SiteDocument, save_document
 from vsnbench.web.site_editor.goal_images import read_goal_image, store_goal_image
@@ -136,22 +137,15 @@ class SiteEditor:
 
     async def _render_preview(self, request: Request) -> Response:
         body = await json_body(request)
-        pose = _pose_fields(body)
-
-        def render() -> bytes:
-            return self._preview.jpeg(self._place(body), *pose)
-
-        return Response(await run_in_threadpool(render), media_type="image/jpeg")
+        image = await run_in_threadpool(self._rendered, body, _pose_field(body), full_size=False)
+        return Response(image, media_type="image/jpeg")
 
     async def _take_goal_photo(self, request: Request) -> Response:
         """Store the image of the simulated camera at a pose as the image of a goal."""
         body = await json_body(request)
-        pose, goal = _pose_fields(body), text_field(body, "goal", 80)
-
-        def take() -> GoalImage:
-            return store_goal_image(self._path, goal, self._preview.photo(self._place(body), *pose))
-
-        return JSONResponse((await run_in_threadpool(take)).model_dump())
+        pose, goal = _pose_field(body), text_field(body, "goal", 80)
+        image = await run_in_threadpool(self._rendered, body, pose, full_size=True)
+        return JSONResponse((await run_in_threadpool(store_goal_image, self._path, goal, image)).model_dump())
 
     async def _upload_goal_image(self, request: Request) -> Response:
         body = await json_body(request)
@@ -163,11 +157,11 @@ class SiteEditor:
         content, media_type = await run_in_threadpool(read_goal_image, self._path, name)
         return Response(content, media_type=media_type)
 
-    def _place(self, body: dict[str, Any]) -> Site:
-        """Return the page's site without its goals, which may be incomplete."""
+    def _rendered(self, body: dict[str, Any], pose: Pose, *, full_size: bool) -> bytes:
+        """Return the camera image in the page's site without its goals, which may be incomplete."""
         with self._lock:
             document = self._document.with_content(_site_field(body) | {"goals": []})
-        return parse_site(document.text, self._path.name)
+        return self._preview.image(parse_site(document.text, self._path.name), pose, full_size=full_size)
 
     async def _underlay_image(self, _request: Request) -> Response:
         if self._underlay is None:
@@ -195,12 +189,13 @@ def _initial_underlay(path: Path, given: Underlay | None) -> Underlay | None:
     return given
 
 
-def _pose_fields(body: dict[str, Any]) -> tuple[float, float, float]:
+def _pose_field(body: dict[str, Any]) -> Pose:
     values = [body.get(name) for name in ("x_m", "y_m", "heading_deg")]
     numbers = [float(value) for value in values if isinstance(value, int | float) and abs(value) < _MAX_COORDINATE]
     if len(numbers) < len(values):
         raise HTTPException(400, "x_m, y_m and heading_deg must be numbers")
-    return numbers[0], numbers[1], numbers[2]
+    x_m, y_m, heading_deg = numbers
+    return Pose(x_m, y_m, math.radians(heading_deg))
 
 
 def _site_field(body: dict[str, Any]) -> dict[str, Any]:

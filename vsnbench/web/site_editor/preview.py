@@ -1,6 +1,5 @@
 """Camera previews of a site in the editor, and photographs for its goals, rendered by the simulator."""
 
-import math
 import threading
 from typing import TYPE_CHECKING, Final
 
@@ -23,29 +22,19 @@ class CameraPreview:
         self._lock = threading.Lock()
         self._cached: tuple[str, Renderer] | None = None
 
-    def jpeg(self, site: Site, x_m: float, y_m: float, heading_deg: float) -> bytes:
-        """Return the robot's camera image at a pose.
+    def image(self, site: Site, pose: Pose, *, full_size: bool) -> bytes:
+        """Return the robot's camera image at a pose: a small JPEG, or a PNG in the camera's resolution.
 
         Raises:
             SiteError: the simulator cannot show the site.
         """
-        return self._encoded(".jpg", site, Pose(x_m, y_m, math.radians(heading_deg)), WIDTH_PX)
-
-    def photo(self, site: Site, x_m: float, y_m: float, heading_deg: float) -> bytes:
-        """Return the robot's camera image at a pose in the camera's resolution, as PNG.
-
-        Raises:
-            SiteError: the simulator cannot show the site.
-        """
-        return self._encoded(".png", site, Pose(x_m, y_m, math.radians(heading_deg)), self._camera.width)
-
-    def _encoded(self, suffix: str, site: Site, pose: Pose, width: int) -> bytes:
         import cv2
 
         from vsnbench.simulator.rendering.renderer import Renderer, eye_of
         from vsnbench.simulator.scene import build_scene
 
         camera = self._camera
+        width = camera.width if full_size else WIDTH_PX
         key = site.model_copy(update={"starts": site.starts[:1], "name": "preview", "title": ""}).sha256
         with self._lock:
             if self._cached is None or self._cached[0] != key:
@@ -53,8 +42,10 @@ class CameraPreview:
             renderer = self._cached[1]
             height, focal_px = round(width * camera.height / camera.width), camera.focal_px * width / camera.width
             rgb = renderer.render_from(eye_of(camera, pose), width, height, focal_px).rgb
-        options = [cv2.IMWRITE_JPEG_QUALITY, 85] if suffix == ".jpg" else []
-        done, encoded = cv2.imencode(suffix, rgb[..., ::-1], options)
+        bgr = rgb[..., ::-1]
+        done, encoded = (
+            cv2.imencode(".png", bgr) if full_size else cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 85])
+        )
         if not done:
             raise SiteError("the preview could not be encoded")
         return bytes(encoded)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -86,8 +87,6 @@ class Underlay:
         Raises:
             UsageError: a file cannot be read.
         """
-        import cv2
-
         if map_yaml is not None:
             return cls.of_grid(grid_of(parse_ros_map(map_yaml, name or "map.yaml"), image, name or "the map"), name)
         pixels = decoded(image, name or "the image")
@@ -207,7 +206,5 @@ def _files_of(site: Path) -> tuple[Path, Path]:
 
 
 def _png(pixels: "np.typing.NDArray[np.uint8]") -> bytes:
-    import cv2
-
     _, encoded = cv2.imencode(".png", pixels)
     return bytes(encoded)
