@@ -3,12 +3,10 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 
 from vsnbench.results.writing.campaigns import OpenCampaign
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import BatteryReader, CameraPreview
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.executors.capacity import ClusterRequest, WorkerRequest
 from vsnbench.runner.executors.collecting import MergingPool
 from vsnbench.runner.executors.contract import TrialPool
@@ -66,7 +64,7 @@ def open_backend(
     elif request.limit == 1:
         dismiss_fork_server()
         with open_trial_setup(spec) as setup:
-            yield _InProcess(spec, setup)
+            yield _InProcess(setup)
     elif shared is not None:
         with shared.prepared(spec, request) as local:
             yield _Workers(local)
@@ -78,8 +76,7 @@ def open_backend(
 class _InProcess(Backend):
     """The trial setup of this process."""
 
-    def __init__(self, spec: TrialSetupSpec, setup: TrialSetup) -> None:
-        self._spec = spec
+    def __init__(self, setup: TrialSetup) -> None:
         self._setup = setup
         self.description = setup.description
         self.glimpse = setup.robot.preview if setup.robot.has_preview else None
@@ -93,17 +90,7 @@ class _InProcess(Backend):
 
     def executor(self, context: SessionContext, campaign: OpenCampaign) -> TrialExecutor:
         del campaign
-        description, recording = self.description, context.recording
-        target = RecordingTarget(
-            context.journal,
-            recording.results,
-            description.title,
-            description.robot.profile,
-            recording.viewer,
-            recording.operator_name,
-            self._spec.keep,
-        )
-        model = DrivingModel(self._setup.policy, partial(EpisodeRecorderFanOut, target), description.title)
+        model = DrivingModel(self._setup.policy, self.description.title)
         return InProcessExecutor(context, self._setup.robot, SingleModel(model))
 
 

@@ -9,7 +9,6 @@ import shlex
 import threading
 import time
 from contextlib import ExitStack
-from functools import partial
 from multiprocessing.connection import Connection
 from os import _exit as end_process_now
 
@@ -21,21 +20,10 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.runner.episode.depth_guard import get_ready
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.executors.messages import (
-    Acted,
-    Ended,
-    Free,
-    Order,
-    Prepare,
-    Prepared,
-    Refused,
-    Report,
-    RunTrial,
-    Stop,
-)
+from vsnbench.runner.executors.messages import Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.loop.contract import ScheduledTrial
 from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode
@@ -134,16 +122,6 @@ class Worker:
             url = recording.results.database_url
             self._journal = self._stack.enter_context(Journal.open(url, self._provenance))
             self._journal.patience.gives_up = lambda: self._stop.session_ends
-        target = RecordingTarget(
-            self._journal,
-            recording.results,
-            setup.description.title,
-            setup.description.robot.profile,
-            recording.viewer,
-            recording.operator_name,
-            spec.keep,
-            own_thread=order.has_spare_cores,
-        )
         context = SessionContext(
             self._journal,
             _Reporter(self._connection, order),
@@ -153,7 +131,7 @@ class Worker:
             recording,
             spec.disturbances,
         )
-        model = DrivingModel(setup.policy, partial(EpisodeRecorderFanOut, target))
+        model = DrivingModel(setup.policy, setup.description.title)
         executor, trial = InProcessExecutor(context, setup.robot, SingleModel(model)), order.trial
         if executor.begin(ScheduledTrial(trial.campaign_id, trial.id)):
             executor.events()
@@ -185,9 +163,9 @@ class _Reporter(AbsentOperator):
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Report the outcome."""
         self._report()
-        self._connection.send(Ended(ended.number, self._order.trial, ended.outcome))
+        self._connection.send(EpisodeStored(ended.number, self._order.trial, ended.outcome))
 
     def _report(self) -> None:
         if self._unreported:
-            self._connection.send(Acted(self._unreported))
+            self._connection.send(ActionsTaken(self._unreported))
         self._unreported, self._reported_s = 0, time.monotonic()

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -16,14 +16,14 @@ from vsnbench.results.studies.queries import study_that_claims
 from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
-from vsnbench.runner.executors.backends import Backend, open_backend
+from vsnbench.runner.episode.recorder import RecordingOptions
+from vsnbench.runner.executors.backends import open_backend
 from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
 from vsnbench.runner.executors.local_pool import SharedWorkers
 from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, FollowUpRules, VoidLimit
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
-from vsnbench.runner.operator.contract import Operator
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -161,31 +161,18 @@ def launch(
             ),
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
-        recording = RecordingOptions(request.results, viewer, provenance.operator)
-
-        def context_of(operator: Operator) -> SessionContext:
-            return SessionContext(journal, operator, stop_requests, site, parameters, recording, request.disturbances)
-
-        result = _run_session(session, operators, backend, campaign, context_of, limit)
+        recording = RecordingOptions(request.results, viewer, provenance.operator, request.files_to_keep)
+        with operators.attend(session) as operator:
+            context = SessionContext(
+                journal, operator, stop_requests, site, parameters, recording, request.disturbances
+            )
+            rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
+            source = CampaignSource(journal, campaign, rules)
+            stop_reason = run(source, backend.executor(context, campaign), operator)
+            result = SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
     if stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
         stop_requests.act_now()
     return Launched(campaign, result)
-
-
-def _run_session(
-    session: OperatorSession,
-    operators: OperatorProvider,
-    backend: Backend,
-    campaign: OpenCampaign,
-    context_of: Callable[[Operator], SessionContext],
-    limit: VoidLimit,
-) -> SessionResult:
-    journal = session.journal
-    with operators.attend(session) as operator:
-        rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
-        executor = backend.executor(context_of(operator), campaign)
-        stop_reason = run(CampaignSource(journal, campaign, rules), executor, operator)
-        return SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
 
 
 def _disturbed(request: RunRequest) -> str:

@@ -2,19 +2,17 @@
 
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
-from functools import partial
 
 from vsnbench.errors import RobotError, StudyError
-from vsnbench.models.contract import Policy
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.studies.entries import SESSION, SESSION_END, RecordedStudy
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, ModelProvider
+from vsnbench.runner.episode.recorder import RecordingOptions
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -62,8 +60,7 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
         models = stack.enter_context(ModelCache(loader.load, request.memory_bytes))
         recording = RecordingOptions(request.results, viewer, provenance.operator)
         context = SessionContext(journal, operator, stop_requests, place.site, place.study.protocol, recording)
-        executor = InProcessExecutor(context, robot, _StudyModels(context, robot, recorded, models))
-        return source.result(run(source, executor, operator))
+        return source.result(run(source, InProcessExecutor(context, robot, models), operator))
 
 
 def _open_robot(stack: ExitStack, request: StudyRequest, journal: Journal, operators: OperatorProvider) -> Robot:
@@ -122,7 +119,7 @@ class _ArmLoader:
     redaction: OutputRedaction | None
     """Hides the models' output; None where the study is not blind."""
 
-    def load(self, arm: str) -> Policy:
+    def load(self, arm: str) -> DrivingModel:
         """Load the model of an arm.
 
         Raises:
@@ -143,32 +140,4 @@ class _ArmLoader:
             raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
         runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
         self.journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
-        return self.redaction.policy(policy) if self.redaction else policy
-
-
-class _StudyModels(ModelProvider):
-    """The models of a study's arms."""
-
-    def __init__(self, context: SessionContext, robot: Robot, recorded: RecordedStudy, models: ModelCache) -> None:
-        self._context = context
-        self._robot = robot
-        self._recorded = recorded
-        self._models = models
-
-    def take(self, model: str) -> DrivingModel:
-        """Return the model of an arm, loaded if necessary."""
-        policy = self._models.take(model)
-        recording, shown_name = self._context.recording, self._recorded.shown(model)
-        target = RecordingTarget(
-            self._context.journal,
-            recording.results,
-            shown_name,
-            self._robot.identity.profile,
-            recording.viewer,
-            recording.operator_name,
-        )
-        return DrivingModel(policy, partial(EpisodeRecorderFanOut, target), shown_name)
-
-    def drop(self, model: str) -> None:
-        """Load the model again before its next trial."""
-        self._models.drop(model)
+        return DrivingModel(self.redaction.policy(policy) if self.redaction else policy, self.recorded.shown(arm))
