@@ -1,11 +1,9 @@
 """Progress of a campaign at the terminal: a bar with the success rate, and a line per episode."""
 
 import sys
-from abc import abstractmethod
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 from rich.markup import escape
@@ -42,17 +40,7 @@ NO_TRIALS = TrialCounts(0)
 _STYLE = {True: "green", False: "red", None: "yellow"}
 
 
-class TerminalDisplay(Display):
-    """A display that makes room for a question."""
-
-    console: Console
-
-    @abstractmethod
-    def paused(self) -> AbstractContextManager[None]:
-        """Hide the progress bar while the operator types."""
-
-
-class CampaignProgress(TerminalDisplay):
+class CampaignProgress(Display):
     """A progress bar on stderr; plain lines where stderr is not a terminal."""
 
     def __init__(
@@ -112,9 +100,7 @@ class CampaignProgress(TerminalDisplay):
             self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
     def _rate(self) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rich.markup import escape
 
-from vsnbench.runner.operator.answers import MisreadError, TypedAnswer, parse_go
+from vsnbench.runner.operator.answers import MisreadError, parse_go
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.operator.prompts import Choice, OperatorPrompts
 from vsnbench.text.terminal import Console
@@ -17,7 +17,6 @@ _QUESTION = "Enter to go; or c check it (again), t turn around and check, m move
 _PROPOSE_TURN = "t to turn around and check; Enter to go anyway; or c check it again, m moved it: "
 """Asked where one look does not determine the pose."""
 _ACTIONS = {"c": LOOK, "check": LOOK, "t": TURN, "turn": TURN, "m": MOVED, "moved": MOVED}
-_CHOICES = {TypedAnswer.GO: Choice.GO, TypedAnswer.LATER: Choice.SKIP, TypedAnswer.END: Choice.END}
 
 
 class TerminalPlacing:
@@ -51,7 +50,7 @@ class TerminalPlacing:
                 self.carry_out(_ACTIONS[answer])
                 continue
             try:
-                choice = _CHOICES[parse_go(answer)]
+                choice = parse_go(answer)
             except MisreadError as error:
                 self._console.print(f"[yellow]{escape(str(error))}[/yellow]")
                 continue
