@@ -16,7 +16,6 @@ from vsnbench.settings.field_types import (
     is_mapping,
     lengths_of,
     models_at,
-    required_of,
     takes_text,
     types_at,
 )
@@ -147,7 +146,7 @@ def _not_a_list(given: Any, wanted: list[Any]) -> FieldError:
 
 
 def _not_a_mapping(given: Any, wanted: list[Any], models: list[type[BaseModel]]) -> FieldError:
-    fields = ", ".join((required_of(models) or fields_of(models))[:5])
+    fields = ", ".join((fields_of(models, required=True) or fields_of(models))[:5])
     statement = f"expected a mapping, got {as_written(given)}"
     if any(is_mapping(expected) for expected in wanted):
         return FieldError(statement, f"give each entry a name and {fields or 'a value'}")

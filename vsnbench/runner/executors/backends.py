@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from vsnbench.results.writing.campaigns import OpenCampaign
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
@@ -11,7 +11,7 @@ from vsnbench.runner.executors.capacity import ClusterRequest, WorkerRequest
 from vsnbench.runner.executors.collecting import MergingPool
 from vsnbench.runner.executors.contract import TrialPool
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.executors.local_pool import LocalPool, SharedWorkers
+from vsnbench.runner.executors.local_pool import SharedWorkers
 from vsnbench.runner.executors.pool import PoolExecutor
 from vsnbench.runner.executors.process import dismiss_fork_server
 from vsnbench.runner.executors.ray_pool import RayTasks
@@ -65,11 +65,9 @@ def open_backend(
         dismiss_fork_server()
         with open_trial_setup(spec) as setup:
             yield _InProcess(setup)
-    elif shared is not None:
-        with shared.prepared(spec, request) as local:
-            yield _Workers(local)
     else:
-        with LocalPool(spec, request) as local:
+        own = SharedWorkers() if shared is None else nullcontext(shared)
+        with own as workers, workers.prepared(spec, request) as local:
             yield _Workers(local)
 
 

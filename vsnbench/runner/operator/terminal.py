@@ -105,7 +105,6 @@ class TerminalOperator(AbsentOperator):
         stop: StopRequests,
         prompts: OperatorPrompts,
         duties: OperatorDuties | None = None,
-        read_line: Callable[[], str] | None = None,
     ) -> None:
         super().__init__(display)
         self._console = display.console
@@ -114,7 +113,6 @@ class TerminalOperator(AbsentOperator):
         self._stop = stop
         self._prompts = prompts
         self._duties = duties or OperatorDuties()
-        self._read_line = read_line or prompts.read_line
         self._started_by = ""
         self.repeats_void_trials = self._duties.has_page
 
@@ -302,7 +300,7 @@ class TerminalOperator(AbsentOperator):
             try:
                 discard_typed()
                 self._console.print(prompt, end="", markup=False, soft_wrap=True)
-                return self._read_line()
+                return self._prompts.read_line()
             except (EOFError, OSError):
                 leave_dead_terminal()
                 raise Stopped(

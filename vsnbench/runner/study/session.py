@@ -1,11 +1,11 @@
 """Runs a session of a locked study: each scheduled trial with the model of its arm."""
 
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
+from functools import partial
 
 from vsnbench.errors import RobotError, StudyError
 from vsnbench.results.files.episode_entries import EpisodeViewer
-from vsnbench.results.studies.entries import SESSION, SESSION_END, RecordedStudy
+from vsnbench.results.studies.entries import SESSION, SESSION_END
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.robots.contract import Robot
@@ -19,7 +19,7 @@ from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.model_cache import ModelCache
 from vsnbench.runner.setup.trial_setup import close_policy
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.runner.study.arms import StudyPlace, revealing_words
+from vsnbench.runner.study.arms import revealing_words
 from vsnbench.runner.study.blinding import BlindOperator, BlindViewer
 from vsnbench.runner.study.output_redaction import OutputRedaction
 from vsnbench.runner.study.source import StudyRequest, StudyResult, StudySource
@@ -56,8 +56,8 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
         if recorded.is_blind:
             operator = BlindOperator(operator)
         journal.patience.gives_up = lambda: stop_requests.session_ends
-        loader = _ArmLoader(place, recorded, robot, journal, redaction)
-        models = stack.enter_context(ModelCache(loader.load, request.memory_bytes))
+        load = partial(_load_arm, request, robot, journal, redaction)
+        models = stack.enter_context(ModelCache(load, request.memory_bytes))
         recording = RecordingOptions(request.results, viewer, provenance.operator)
         context = SessionContext(journal, operator, stop_requests, place.site, place.study.protocol, recording)
         return source.result(run(source, InProcessExecutor(context, robot, models), operator))
@@ -108,36 +108,28 @@ def _operator_session(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _ArmLoader:
-    """Loads the models of a study's arms and checks that they are the locked ones."""
+def _load_arm(
+    request: StudyRequest, robot: Robot, journal: Journal, redaction: OutputRedaction | None, arm: str
+) -> DrivingModel:
+    """Load the model of an arm, and check that it is the locked one.
 
-    place: StudyPlace
-    recorded: RecordedStudy
-    robot: Robot
-    journal: Journal
-    redaction: OutputRedaction | None
-    """Hides the models' output; None where the study is not blind."""
-
-    def load(self, arm: str) -> DrivingModel:
-        """Load the model of an arm.
-
-        Raises:
-            StudyError: the model or its conditions are not those that were locked.
-            VsnbenchError: the model cannot be loaded.
-        """
-        with self.redaction.call() if self.redaction else nullcontext():
-            setup = self.place.load(arm, self.robot)
-        policy, locked = setup.policy, self.recorded.by_name[arm]
-        plan = self.place.campaign(arm, setup)
-        if plan.key != locked.campaign_key:
-            what = (
-                "its weights, settings or code are not those that were locked"
-                if plan.model.sha256 != locked.model_sha256
-                else "the site, the robot or its conditions are not those that were locked"
-            )
-            close_policy(policy)
-            raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
-        runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
-        self.journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
-        return DrivingModel(self.redaction.policy(policy) if self.redaction else policy, self.recorded.shown(arm))
+    Raises:
+        StudyError: the model or its conditions are not those that were locked.
+        VsnbenchError: the model cannot be loaded.
+    """
+    recorded, place = request.recorded, request.place
+    with redaction.call() if redaction else nullcontext():
+        setup = place.load(arm, robot)
+    policy, locked = setup.policy, recorded.by_name[arm]
+    plan = place.campaign(arm, setup)
+    if plan.key != locked.campaign_key:
+        what = (
+            "its weights, settings or code are not those that were locked"
+            if plan.model.sha256 != locked.model_sha256
+            else "the site, the robot or its conditions are not those that were locked"
+        )
+        close_policy(policy)
+        raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
+    runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
+    journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
+    return DrivingModel(redaction.policy(policy) if redaction else policy, recorded.shown(arm))
