@@ -99,11 +99,7 @@ class MergingPool(TrialPool):
             self._runner.submit(trial, claim.seed)
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:
-        """Store what has returned, and report it.
-
-        Raises:
-            VsnbenchError: no worker can run trials, or one has another setup than the campaign.
-        """
+        """Store what has returned, and report it."""
         happened: list[PoolEvent] = []
         for result in self._runner.results(timeout_s):
             claim = self._claims.pop(result.trial.id, None)

@@ -130,11 +130,7 @@ class LocalPool(TrialPool):
         worker.send(RunTrial(trial, replace(recording, own_thread=has_spare_cores)))
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:
-        """Return what has happened as soon as there is something, or nothing after the timeout.
-
-        Raises:
-            VsnbenchError: an order that no worker can carry out.
-        """
+        """Return what has happened as soon as there is something, or nothing after the timeout."""
         by_connection = {worker.connection: worker for worker in self._workers}
         for ready in wait(list(by_connection), timeout_s):
             worker = by_connection[ready]  # type: ignore[index]

@@ -88,11 +88,7 @@ class RayTasks(TaskRunner):
         self._trials[self._run.remote(self._parcel, trial, seed)] = trial
 
     def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
-        """Return finished tasks.
-
-        Raises:
-            VsnbenchError: no worker can make the trial setup, or the cluster is lost.
-        """
+        """Return finished tasks."""
         finished: list[EpisodeBundle | TaskLost] = []
         try:
             ready, _ = self._ray.wait(list(self._trials), num_returns=1, timeout=timeout_s)
