@@ -38,12 +38,7 @@ class FieldsError(ValueError):
 
 
 def describe_errors(detail: ErrorDetails, model: type[BaseModel]) -> list[tuple[Location, FieldError]]:
-    """Describe an error that pydantic found, with its place; a `FieldsError` has several.
-
-    Args:
-        detail: the error.
-        model: model of the whole file.
-    """
+    """Describe an error that pydantic found in a file with this model, with its place; a `FieldsError` has several."""
     cause = detail.get("ctx", {}).get("error")
     if not isinstance(cause, FieldsError):
         return [(detail["loc"], describe_error(detail, model))]

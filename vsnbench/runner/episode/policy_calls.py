@@ -43,15 +43,12 @@ class PolicyFailedError(Exception):
 
 
 class PolicyCalls:
-    """Calls one policy through one episode."""
+    """Calls one policy through one episode.
+
+    Requests to stop interrupt it. They are not failures of the policy, even if it catches them.
+    """
 
     def __init__(self, policy: Policy, stop: StopRequests) -> None:
-        """Read the policy's card.
-
-        Args:
-            policy: the policy.
-            stop: requests that interrupt the policy; they are not failures of the policy, even if it catches them.
-        """
         self._policy = policy
         self._stop = stop
         self._name = policy.card.name

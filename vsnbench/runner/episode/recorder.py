@@ -80,20 +80,11 @@ class RecordingOptions:
 
 
 class EpisodeRecorderFanOut:
-    """The recorder of one claimed episode."""
+    """The recorder of one claimed episode; `model` names the model and its weights as people may see them."""
 
     def __init__(
         self, journal: EpisodeWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
     ) -> None:
-        """Prepare to record.
-
-        Args:
-            journal: where rows are written.
-            options: where files are written, and how.
-            robot: profile of the robot.
-            model: name of the model and its weights, as people may see it.
-            claim: of the episode.
-        """
         self._journal = journal
         self._options = options
         self._robot = robot

@@ -89,12 +89,7 @@ class Stepper:
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
-        """Take a step; return it, and the reason of the episode's end if it is the last.
-
-        Args:
-            spent: what the episode has used so far.
-            before: pose of the robot in the site.
-        """
+        """Take a step from a pose in the site; return it, and the reason of the episode's end if it is the last."""
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)

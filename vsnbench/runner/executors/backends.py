@@ -45,17 +45,14 @@ def open_backend(
 ) -> Iterator[Backend]:
     """Make the setup in this process, start workers, or connect to a cluster.
 
-    Args:
-        spec: setup of every trial.
-        request: number of workers, and where.
-        shared: workers of this machine that outlive the campaign. Without them, workers end with the context.
+    `shared` are workers of this machine that outlive the campaign. Without them, workers end with the context.
 
     Raises:
         UsageError: something named does not exist, does not fit together, or does not fit into memory.
         VsnbenchError: the model, the robot or the cluster cannot be used.
     """
     if isinstance(request, ClusterRequest):
-        with MergingPool(RayTasks(spec, request.address, request.workers, request.gpus_each)) as pool:
+        with MergingPool(RayTasks(spec, request)) as pool:
             yield _of_workers(pool)
     elif request.limit == 1:
         dismiss_fork_server()

@@ -10,7 +10,6 @@ import logging
 import os
 import re
 import socket
-import threading
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.text.sanitize import error_line
 
 KNOCK_TIMEOUT_S = 5.0
@@ -80,24 +80,17 @@ def connect(address: ClusterAddress) -> Any:
     import ray
 
     warnings.filterwarnings("ignore", module="ray")  # Ray raises an error for each of its warnings, too
-    failed: list[BaseException] = []
-
-    def initialize() -> None:
-        try:
-            ray.init(str(address), log_to_driver=False, logging_level=logging.ERROR)
-        except BaseException as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=initialize, name="ray", daemon=True)
-    thread.start()
-    thread.join(CONNECT_TIMEOUT_S)
-    if thread.is_alive():
+    try:
+        call_in_thread(
+            lambda: ray.init(str(address), log_to_driver=False, logging_level=logging.ERROR), CONNECT_TIMEOUT_S
+        )
+    except TimeLimitError as late:
         raise VsnbenchError(
             f"--workers {address}: the client server did not accept a driver within {CONNECT_TIMEOUT_S:.0f} s",
             advice="run `ray status` on the head node",
-        )
-    if failed:
-        raise refusal(address, failed[0])
+        ) from late
+    except Exception as error:
+        raise refusal(address, error) from error
     return ray
 
 

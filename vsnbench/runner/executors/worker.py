@@ -37,11 +37,7 @@ REPORT_EVERY_S = 0.25
 
 
 def main(descriptor: str) -> None:
-    """Work until the driver sends a stop.
-
-    Args:
-        descriptor: file descriptor of the socket to the driver.
-    """
+    """Work for the driver at the socket with this file descriptor until it sends a stop."""
     with sanitized_output(), opened_log():
         _work(Connection(int(descriptor)))
 

@@ -108,12 +108,7 @@ class SecondRating:
     def __init__(self, journal: Journal, results: ResultsDirectory, rater: str, sample: int | None, seed: int) -> None:
         """Choose the episodes.
 
-        Args:
-            journal: the record.
-            results: its directory.
-            rater: name of the rater.
-            sample: number of episodes, including answered ones; None for all.
-            seed: seed of sample and order.
+        `sample` is their number including answered ones, None for all; `seed` decides sample and order.
 
         Raises:
             UsageError: no episode can be judged a second time, or the rater is the first judge of all.

@@ -41,7 +41,10 @@ _STYLE = {True: "green", False: "red", None: "yellow"}
 
 
 class CampaignProgress(Display):
-    """A progress bar on stderr; plain lines where stderr is not a terminal."""
+    """A progress bar on stderr while the context is entered; plain lines where stderr is not a terminal.
+
+    `other_trials` are those of the sweep's other campaigns, and `first_line` is shown above the bar.
+    """
 
     def __init__(
         self,
@@ -53,16 +56,6 @@ class CampaignProgress(Display):
         other_trials: TrialCounts = NO_TRIALS,
         first_line: str = "",
     ) -> None:
-        """Prepare the bar; entering the context shows it.
-
-        Args:
-            label: model and site.
-            trials: trials of this campaign.
-            parameters: limits of an episode.
-            shows_actions: show the model's actions.
-            other_trials: trials of the sweep's other campaigns.
-            first_line: shown above the bar.
-        """
         self.console = Console(file=sys.stderr, highlight=False)
         narrow = self.console.width < 100
         bar_label = "" if narrow or len(label) > MAX_LABEL else label

@@ -20,17 +20,12 @@ _ACTIONS = {"c": LOOK, "check": LOOK, "t": TURN, "turn": TURN, "m": MOVED, "move
 
 
 class TerminalPlacing:
-    """One placement at the terminal; also carries out the actions that browsers request, in the main thread."""
+    """One placement at the terminal; also carries out the actions that browsers request, in the main thread.
+
+    `ask` prints a question and returns the typed answer.
+    """
 
     def __init__(self, placing: Placing, console: Console, ask: Callable[[str], str], prompts: OperatorPrompts) -> None:
-        """Start a placement.
-
-        Args:
-            placing: measures the robot at its mark.
-            console: where measurements are printed.
-            ask: prints a question and returns the typed answer.
-            prompts: where measurements are shown to browsers.
-        """
         self._placing = placing
         self._console = console
         self._ask = ask

@@ -76,11 +76,7 @@ def launch(
 ) -> Launched:
     """Run the remaining trials of a campaign.
 
-    Args:
-        request: the campaign.
-        operators: provides the operator.
-        viewer: shows or copies the episodes, where copies are kept.
-        shared: workers that other campaigns use as well.
+    `viewer` shows or copies the episodes, where copies are kept; `shared` are workers that other campaigns use as well.
 
     Raises:
         UsageError: something named does not exist or does not fit together; nothing was written.
@@ -141,8 +137,9 @@ def launch(
         stop_requests.last_acts.append(backend.halt)
         journal.patience.gives_up = lambda: stop_requests.session_ends
         outcomes = journal.campaign_progress(campaign).outcomes
+        disturbed = f" with {request.disturbances.text}" if request.disturbances else ""
         session = OperatorSession(
-            label=f"{description.card.name} in {site.name}{_disturbed(request)}",
+            label=f"{description.card.name} in {site.name}{disturbed}",
             trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
             parameters=parameters,
             needs_operator=description.needs_operator,
@@ -173,11 +170,6 @@ def launch(
     if stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
         stop_requests.act_now()
     return Launched(campaign, result)
-
-
-def _disturbed(request: RunRequest) -> str:
-    """Return the disturbances for a session's label; empty without any."""
-    return f" with {request.disturbances.text}" if request.disturbances else ""
 
 
 def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:

@@ -77,13 +77,8 @@ class Swept:
 def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str]) -> Sweep:
     """Return the campaigns of every model, site and seed, after checking what can be checked now.
 
-    Seeds vary slowest, so that a sweep stopped half-way has results of every model and site.
-
-    Args:
-        request: options that the campaigns share.
-        models: names of models.
-        seeds: one campaign per seed.
-        sites: names of sites, paths of site files, and generated sites as `flat:7`.
+    Seeds vary slowest, so that a sweep stopped half-way has results of every model and site. Sites are names, paths of
+    site files, and generated sites as `flat:7`; `request` has the options that the campaigns share.
 
     Raises:
         UsageError: something named does not exist or does not fit together.

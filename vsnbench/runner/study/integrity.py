@@ -34,11 +34,7 @@ def check_integrity(
 ) -> StudyIntegrity:
     """Compare a study with its lock, its log and the random draw.
 
-    Args:
-        recorded: the study as the record holds it.
-        evidence: its schedule, log and ended episodes.
-        plan: the plan in the record.
-        note: the file that `study lock` wrote; None where there is none.
+    `plan` is the plan in the record, and `note` the file that `study lock` wrote, None where there is none.
     """
     check = _Check(recorded, evidence, plan, note)
     differences = (*check.plan_differences(), *check.schedule_differences(), *check.log_differences())
