@@ -87,7 +87,7 @@ class PolicyCalls:
             return decision if decision.parts else self.without_tilt(decision)
 
     def without_tilt(self, decided: Decision | Action | Movement) -> Decision:
-        """Return a decision, or a part of a chunk, with LOOK_UP and LOOK_DOWN replaced as the card says.
+        """Return a decision, or a part of a chunk, with LOOK_UP and LOOK_DOWN replaced as the card states.
 
         Raises:
             DecisionError: the card replaces it by no other action.

@@ -101,11 +101,6 @@ class EpisodeRecorderFanOut:
         self._last_number = 0
         self._robot_time_s = 0.0
 
-    @property
-    def episode_id(self) -> int:
-        """The episode's number."""
-        return self._claim.id
-
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         """Return the image from when this robot was first accepted at this start; None if there is none."""
         return self._photos.find(plan.site, plan.start)
@@ -159,7 +154,7 @@ class EpisodeRecorderFanOut:
         """Write an event after the last step."""
         self._settle()
         number = self._last_number or None
-        self._journal.add_event(kind, text, author=author, episode_id=self.episode_id, step_number=number)
+        self._journal.add_event(kind, text, author=author, episode_id=self._claim.id, step_number=number)
         self._show(EventEntry(self._last_number, kind, text, author))
 
     def intervention(self, what: str, author: str = "") -> None:
@@ -175,7 +170,7 @@ class EpisodeRecorderFanOut:
         if self._images:
             self._images.finish(self._trajectory)
         self._journal.end_episode(
-            self.episode_id,
+            self._claim.id,
             EpisodeEnd(
                 end_reason=outcome.verdict.end_reason,
                 actions=outcome.actions,
@@ -226,7 +221,7 @@ class EpisodeRecorderFanOut:
             movement=decision.movement,
             part=step.part,
         )
-        self._journal.append_step(self.episode_id, record)
+        self._journal.append_step(self._claim.id, record)
         self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))
 
     def _show(self, entry: Entry) -> None:

@@ -136,7 +136,7 @@ class Stepper:
     ) -> tuple[GuardReading | None, MotionResult | None, str]:
         """Return the guard's reading, the result, and why the action was refused or ended early.
 
-        A pixel is one of the image that the policy has seen.
+        A pixel refers to the image that the policy has seen.
         """
         if decision.action is Action.NOOP:
             return None, MotionResult(completed=True), ""

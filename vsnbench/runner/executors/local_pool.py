@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shlex
 import signal
 import sys
 import time
@@ -92,7 +93,7 @@ class LocalPool(TrialPool):
             UsageError: the requested workers do not fit into memory, or the spec is not consistent.
             VsnbenchError: the setup cannot be made.
         """
-        self._order = Prepare(spec, tuple(sys.argv))
+        self._order = Prepare(spec, shlex.join(sys.argv))
         capacity = self._capacity
         try:
             if request.first_alone:

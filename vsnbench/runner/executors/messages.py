@@ -16,7 +16,7 @@ class Prepare:
     """Make a trial setup."""
 
     spec: TrialSetupSpec
-    command: tuple[str, ...]
+    command: str
     """Command line of the driver, for the provenance."""
 
 

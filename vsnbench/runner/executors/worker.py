@@ -5,7 +5,6 @@ worker ends when the driver does.
 """
 
 import queue
-import shlex
 import threading
 import time
 from contextlib import ExitStack
@@ -95,7 +94,7 @@ class Worker:
                 self._stop.ask(order.request)
             self._orders.put(order)
 
-    def _prepare(self, spec: TrialSetupSpec, command: tuple[str, ...]) -> None:
+    def _prepare(self, spec: TrialSetupSpec, command: str) -> None:
         self._stack.close()
         self._setup = self._journal = None
         self._setup = self._stack.enter_context(open_trial_setup(spec))
@@ -107,7 +106,7 @@ class Worker:
         gpu = gpu_memory() if description.on_gpu and sessions is None else None
         self._connection.send(Prepared(description, own_bytes, gpu, sessions))
         # The driver opens the results database now; meanwhile this process loads what the first trial needs.
-        self._provenance = self._setup.provenance(shlex.join(command))
+        self._provenance = self._setup.provenance(command)
         _load_for_trials(description, spec)
 
     def _run(self, order: RunTrial) -> None:

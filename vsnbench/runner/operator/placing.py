@@ -25,7 +25,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import encode_jpeg, encode_png
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.observation import Observation, Sensor
-from vsnbench.values.placement import MeasuredPlacement, PlacementTolerance
+from vsnbench.values.placement import MeasuredPlacement
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
@@ -109,11 +109,6 @@ class Placing:
         """The robot's own estimate of its pose at the measurement."""
 
     @property
-    def tolerance(self) -> PlacementTolerance:
-        """Allowed offset from the mark."""
-        return self._parameters.placement
-
-    @property
     def can_measure(self) -> bool:
         """Whether the robot has a depth camera."""
         return Sensor.DEPTH in self._robot.sensors
@@ -183,7 +178,7 @@ class Placing:
             return self._look_of(observation, problem="it has no depth image to measure from: place it by eye")
         if self._matcher is None:
             self._matcher = PlacementMatcher(self._site, observation.camera)
-        return self._look_of(observation, self._matcher.measure(self.start, looks, self.tolerance))
+        return self._look_of(observation, self._matcher.measure(self.start, looks, self._parameters.placement))
 
     def _look_of(
         self, observation: Observation | None, measured: MeasuredPlacement | None = None, problem: str = ""

@@ -61,7 +61,7 @@ class OperatorPageServer(Protocol):
     """Serves the operator's prompts to browsers."""
 
     def serve(self, prompts: OperatorPrompts, session: OperatorSession) -> AbstractContextManager[str]:
-        """Serve while the context is entered. The context's value says where, for the terminal."""
+        """Serve while the context is entered. Its value is the text about the address that the terminal shows."""
         ...
 
 

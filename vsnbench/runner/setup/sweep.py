@@ -120,7 +120,7 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
 
 
 def with_disturbances(sweep: Sweep, conditions: Sequence[Disturbances]) -> Sweep:
-    """Return a sweep with every campaign under every one of some conditions, in their order."""
+    """Return a sweep with every campaign under every condition, in their order."""
     return tuple(
         replace(campaign, request=replace(campaign.request, disturbances=condition))
         for campaign in sweep

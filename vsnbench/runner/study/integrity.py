@@ -222,7 +222,7 @@ class _Check:
 
 
 def _content(event: LogEvent) -> Mapping[str, Any]:
-    """Return what an event says; nothing where it was edited, which is reported as such."""
+    """Return the content of an event; empty if it was edited, which is reported as such."""
     if not event.is_intact:
         return {}
     try:
