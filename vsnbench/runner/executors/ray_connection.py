@@ -26,7 +26,7 @@ ANSWER_TIMEOUT_S = 15.0
 """Time for the client server's first answer."""
 _METHOD = "/ray.rpc.RayletDriver/ClusterInfo"
 """Any method of Ray's client service: authentication is checked before the request is read."""
-_DEFAULT_TOKEN_FILE = Path("~/.ray/auth_token")
+_DEFAULT_TOKEN_FILE = "~/.ray/auth_token"
 _SERVER_FAILED = "Starting Ray client server failed"
 """Text of Ray's error, inside a traceback."""
 
@@ -115,7 +115,7 @@ def _check_token(address: ClusterAddress) -> None:
             f"--workers {address}: the cluster requires a token, and RAY_AUTH_MODE is not set to 'token' here",
             advice="export RAY_AUTH_MODE=token RAY_AUTH_TOKEN_PATH=~/.ray-token (docs/scale.md)",
         )
-    token = _token()
+    token, source = _token()
     if not token:
         raise VsnbenchError(
             f"--workers {address}: the cluster requires a token, and none is set here",
@@ -123,7 +123,7 @@ def _check_token(address: ClusterAddress) -> None:
         )
     if _status(address, token) is grpc.StatusCode.UNAUTHENTICATED:
         raise VsnbenchError(
-            f"--workers {address}: the cluster rejects this token ({_token_source()})",
+            f"--workers {address}: the cluster rejects this token ({source})",
             advice="copy the head node's token file to this machine",
         )
 
@@ -142,21 +142,15 @@ def _status(address: ClusterAddress, token: str) -> Any:
     return None
 
 
-def _token() -> str:
-    """Return the token as Ray looks it up: the variable, the file that a variable names, then Ray's own file."""
+def _token() -> tuple[str, str]:
+    """Return the token and its source, as Ray looks them up: the variable, the file that a variable names, its own."""
     if token := os.environ.get("RAY_AUTH_TOKEN"):
-        return token.strip()
-    file = Path(os.environ.get("RAY_AUTH_TOKEN_PATH") or _DEFAULT_TOKEN_FILE).expanduser()
+        return token.strip(), "RAY_AUTH_TOKEN"
+    source = os.environ.get("RAY_AUTH_TOKEN_PATH") or _DEFAULT_TOKEN_FILE
     try:
-        return file.read_text(encoding="utf-8").strip()
+        return Path(source).expanduser().read_text(encoding="utf-8").strip(), source
     except (OSError, UnicodeDecodeError):
-        return ""
-
-
-def _token_source() -> str:
-    if os.environ.get("RAY_AUTH_TOKEN"):
-        return "RAY_AUTH_TOKEN"
-    return os.environ.get("RAY_AUTH_TOKEN_PATH") or str(_DEFAULT_TOKEN_FILE)
+        return "", source
 
 
 def refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:
