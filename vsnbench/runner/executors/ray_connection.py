@@ -26,7 +26,7 @@ ANSWER_TIMEOUT_S = 15.0
 """Time for the client server's first answer."""
 _METHOD = "/ray.rpc.RayletDriver/ClusterInfo"
 """Any method of Ray's client service: authentication is checked before the request is read."""
-_DEFAULT_TOKEN_FILE = "~/.ray/auth_token"
+_DEFAULT_TOKEN_FILE = Path("~/.ray/auth_token")
 _SERVER_FAILED = "Starting Ray client server failed"
 """Text of Ray's error, inside a traceback."""
 
@@ -146,7 +146,7 @@ def _token() -> tuple[str, str]:
     """Return the token and its source, as Ray looks them up: the variable, the file that a variable names, its own."""
     if token := os.environ.get("RAY_AUTH_TOKEN"):
         return token.strip(), "RAY_AUTH_TOKEN"
-    source = os.environ.get("RAY_AUTH_TOKEN_PATH") or _DEFAULT_TOKEN_FILE
+    source = os.environ.get("RAY_AUTH_TOKEN_PATH") or str(_DEFAULT_TOKEN_FILE)
     try:
         return Path(source).expanduser().read_text(encoding="utf-8").strip(), source
     except (OSError, UnicodeDecodeError):
