@@ -123,12 +123,11 @@ class _Check:
                 yield f"the order of the trials is not the random draw from seed {self.plan.seed}"
 
     def _locked_arms(self) -> list[list[str]]:
-        """Return name, code and campaign of each arm by the log; nothing if the log is malformed."""
-        arms = self.locks[0].get("arms") if self.locks else []
-        is_valid = isinstance(arms, list) and all(
-            isinstance(arm, list) and list(map(type, arm)) == [str, str, str] for arm in arms
-        )
-        return arms if is_valid else []
+        """Return name, code and campaign of each arm by the log, as far as it is well-formed."""
+        arms: Any = self.locks[0].get("arms") if self.locks else []
+        if not isinstance(arms, list):
+            return []
+        return [arm for arm in arms if isinstance(arm, list) and list(map(type, arm)) == [str, str, str]]
 
     def _arm_differences(self) -> Iterator[str]:
         now = {arm.name: (arm.code, arm.campaign_key) for arm in self.recorded.arms}
