@@ -22,12 +22,13 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.executors.pool import PoolExecutor
 from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec, open_trial_setup
 from vsnbench.runner.stopping.requests import StopRequests

@@ -17,7 +17,6 @@ import statistics
 import tempfile
 import time
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from single_core import Driver, earlier_tree
@@ -32,12 +31,12 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.registry import open_robot
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import look_ahead
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
 from vsnbench.runner.loop.campaign import CampaignSource
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
 from vsnbench.runner.setup.selection import plan_trials
 from vsnbench.runner.stopping.requests import StopRequests
@@ -139,12 +138,11 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
     with Journal.open(results.database_url) as journal, StopRequests() as stop:
         campaign = journal.find_or_create_campaign(plan)
         viewer = RerunEpisodes(live=False) if kept is KeepFiles.ALL else None
-        target = RecordingTarget(journal, results, "wanderer", robot.identity.profile, viewer, kept=kept)
-        recorder = partial(EpisodeRecorderFanOut, target)
+        recording = RecordingOptions(results, viewer, keep=kept)
         began = time.perf_counter()
         operator = Counting(tally)
-        context = SessionContext(journal, operator, stop, site, PARAMETERS, RecordingOptions(results))
-        executor = InProcessExecutor(context, robot, SingleModel(DrivingModel(Wanderer(), recorder)))
+        context = SessionContext(journal, operator, stop, site, PARAMETERS, recording)
+        executor = InProcessExecutor(context, robot, SingleModel(DrivingModel(Wanderer(), "wanderer")))
         run(CampaignSource(journal, campaign), executor, operator)
         tally.seconds = time.perf_counter() - began
     return tally

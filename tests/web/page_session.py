@@ -57,7 +57,7 @@ def page_session(directory: Path) -> Iterator[PageSession]:
         campaign = journal.find_or_create_campaign(plan())
         run(journal, campaign.trials[0], replace(stopped(success=True), proposed=True))
         claim = begun(journal, campaign.trials[1])
-        site, stops, prompts = cell(), [], OperatorPrompts()
+        site, stops = cell(), []
         camera: list[npt.NDArray[np.uint8]] = []
         session = OperatorSession(
             label="puck in cell",
@@ -75,8 +75,8 @@ def page_session(directory: Path) -> Iterator[PageSession]:
             glimpse=lambda: camera[0] if camera else None,
         )
         batteries = [Battery(0.84), Battery(0.71)]
+        prompts = OperatorPrompts(None, session.halt, lambda request: stops.append(request.description))
         prompts.state.read_battery = lambda: batteries.pop(0) if len(batteries) > 1 else batteries[0]
-        prompts.connect(session.halt, lambda request: stops.append(request.description))
         parameters = ProtocolParameters()
         prompts.state.trial_begins(
             Upcoming(claim.id, claim.trial.id, "arm A", EpisodePlan(site, "chair", site.starts[1], 7, parameters))

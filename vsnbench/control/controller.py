@@ -201,7 +201,7 @@ class MotionController(Controller):
             remaining = left - self._along(*pending)
             if self._smoothing is not None:
                 remaining = self._smoothing.remaining(remaining, self._commanded, stamp_s)
-        way = 1.0 if self._way_sign() >= 0 else -1.0
+        way = -1.0 if self.corrections and self._correction < 0 else 1.0  # a correction may go backwards
         if remaining * way <= 0.1 * self._tolerance:
             self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
             if self._window is not None:  # a base with a lag continues to roll for longer than the lag
@@ -215,10 +215,6 @@ class MotionController(Controller):
             return Command(angular_rad_s=signed)
         _, turning_rad = pending if pending is not None else self._pending(now_s, stamp_s)
         return Command(signed, self._holding_rad_s(pose.heading_rad + turning_rad))
-
-    def _way_sign(self) -> float:
-        """Return the sign of the present drive along the action; a correction may go backwards."""
-        return self._correction if self.corrections else 1.0
 
     def _holding_rad_s(self, heading_rad: float) -> float:
         """Return the angular velocity that holds the heading during a move."""

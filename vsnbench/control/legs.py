@@ -64,13 +64,9 @@ class Leg:
     def controller(
         self, start: Pose, settings: MotionSettings, noise: StandstillNoise = QUIET, start_error: float = 0.0
     ) -> Controller:
-        """Return the controller of this leg; see `MotionController`.
+        """Return the controller of this leg from odometry `start`; see `MotionController`.
 
-        Args:
-            start: odometry at the start of the leg.
-            settings: of the robot, not of the leg.
-            noise: of the odometry at rest.
-            start_error: standard error of `start` along the leg.
+        The settings are those of the robot, and `start_error` is the standard error of `start` along the leg.
         """
         settings = settings.model_copy(update={"stall_s": DRIVE_SHARE * settings.stall_s})
         if self.velocity is not None:
@@ -83,15 +79,12 @@ class Leg:
 
 
 class LegPlan:
-    """Plans the legs of one movement; each is planned from where the leg before it ended."""
+    """Plans the legs of one movement in the robot's frame, from odometry `start`.
+
+    Each leg is planned from where the leg before it ended.
+    """
 
     def __init__(self, drive: Drive, start: Pose) -> None:
-        """Plan a movement.
-
-        Args:
-            drive: in the robot's frame.
-            start: odometry at the start.
-        """
         self._goals: list[_Goal] = []
         match drive:
             case Move(distance_m, turn_rad):
@@ -111,11 +104,7 @@ class LegPlan:
                 self._goals.append(drive)
 
     def next(self, pose: Pose) -> Leg | None:
-        """Return the next leg, or None at the end.
-
-        Args:
-            pose: odometry at rest after the last leg.
-        """
+        """Return the next leg from the odometry at rest after the last leg, or None at the end."""
         while self._goals:
             leg, is_last = _leg(self._goals[0], pose)
             if is_last:

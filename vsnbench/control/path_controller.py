@@ -4,9 +4,10 @@ import math
 from itertools import accumulate, pairwise
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
-from vsnbench.control.law import braking_speed, speed, turn_error_rad
+from vsnbench.control.law import acceleration, braking_speed, deceleration, speed, turn_error_rad
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import StallMonitor
+from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 _LOOK_AHEAD_M = 0.20
@@ -34,8 +35,8 @@ class PathController(Controller):
         self._at_m = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(path))]
         self.length_m = self._at_m[-1]
         self._limit_s = 2 * self.length_m / settings.linear_m_s + len(path) * 3.0 + settings.timeout_s
-        self._acceleration = settings.linear_m_s**2 / (2 * settings.acceleration_share * settings.forward_m)
-        self._deceleration = settings.linear_m_s**2 / (2 * settings.deceleration_share * settings.forward_m)
+        self._acceleration = acceleration(Action.MOVE_FORWARD, settings)
+        self._deceleration = deceleration(Action.MOVE_FORWARD, settings)
         self._progress_m = 0.0
         self._speed = 0.0
         self._is_ending = False

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.localization.twin import Twin
+from vsnbench.localization.twin import Floats, Twin
 from vsnbench.simulator.rendering.depth_view import DepthView, Pinhole
 from vsnbench.simulator.rendering.renderer import eye_of
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.localization.differences import gone, suspects
 from vsnbench.localization.fit import ErrorModel, Fit, FitState
@@ -21,13 +20,11 @@ from vsnbench.localization.search import (
     near,
     polished,
 )
-from vsnbench.localization.twin import Twin, twin_of
+from vsnbench.localization.twin import Floats, Twin, twin_of
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.camera import Camera
 from vsnbench.values.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
 from vsnbench.values.pose import Pose
-
-Floats = npt.NDArray[np.float64]
 
 _COARSE_PX, _MIDDLE_PX, _FINE_PX = 40, 80, 160
 _CANDIDATES, _POLISHED, _BASINS = 8, 4, 5

@@ -8,7 +8,6 @@ from vsnbench.simulator.rendering.depth_view import Pinhole
 from vsnbench.simulator.rendering.renderer import eye_of
 from vsnbench.sites.site import Site
 from vsnbench.values.camera import Camera
-from vsnbench.values.encoding.images import encode_png
 from vsnbench.values.pose import Pose
 
 _INK = (0, 229, 255)
@@ -24,11 +23,6 @@ def ghost(site: Site, camera: Camera, pose: Pose) -> npt.NDArray[np.uint8]:
     image = np.zeros((*edges.shape, 4), np.uint8)
     image[edges] = (*_INK, _INK_ALPHA)
     return image
-
-
-def ghost_png(site: Site, camera: Camera, pose: Pose) -> bytes:
-    """Return the overlay as PNG."""
-    return encode_png(ghost(site, camera, pose))
 
 
 def laid_over(rgb: npt.NDArray[np.uint8], ghost_rgba: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

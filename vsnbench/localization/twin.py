@@ -103,7 +103,7 @@ def _walls_of(mesh: Mesh, faces: npt.NDArray[np.intp]) -> tuple[Ints, int]:
     keys, which = np.unique(np.column_stack([way, np.rint(place_m / _PLANE_STEP_M)]), axis=0, return_inverse=True)
     which = which.reshape(-1)
     wall_of = np.full(len(keys), -1, np.int32)
-    seeds: list[npt.NDArray[np.float64]] = []
+    seeds: list[Floats] = []
     for plane in np.argsort(-np.bincount(which, area)):
         near = (
             number

@@ -16,7 +16,6 @@ from vsnbench.settings.field_types import (
     is_mapping,
     lengths_of,
     models_at,
-    required_of,
     takes_text,
     types_at,
 )
@@ -39,12 +38,7 @@ class FieldsError(ValueError):
 
 
 def describe_errors(detail: ErrorDetails, model: type[BaseModel]) -> list[tuple[Location, FieldError]]:
-    """Describe an error that pydantic found, with its place; a `FieldsError` has several.
-
-    Args:
-        detail: the error.
-        model: model of the whole file.
-    """
+    """Describe an error that pydantic found in a file with this model, with its place; a `FieldsError` has several."""
     cause = detail.get("ctx", {}).get("error")
     if not isinstance(cause, FieldsError):
         return [(detail["loc"], describe_error(detail, model))]
@@ -147,7 +141,7 @@ def _not_a_list(given: Any, wanted: list[Any]) -> FieldError:
 
 
 def _not_a_mapping(given: Any, wanted: list[Any], models: list[type[BaseModel]]) -> FieldError:
-    fields = ", ".join((required_of(models) or fields_of(models))[:5])
+    fields = ", ".join((fields_of(models, required=True) or fields_of(models))[:5])
     statement = f"expected a mapping, got {as_written(given)}"
     if any(is_mapping(expected) for expected in wanted):
         return FieldError(statement, f"give each entry a name and {fields or 'a value'}")

@@ -51,18 +51,10 @@ def description_at(model: type[BaseModel], location: Location) -> str:
     return ""
 
 
-def fields_of(models: list[type[BaseModel]]) -> list[str]:
-    """Return the names of all fields, required ones first."""
-    found = {
-        field.alias or name: not field.is_required() for model in models for name, field in model.model_fields.items()
-    }
-    return sorted(found, key=lambda name: found[name])
-
-
-def required_of(models: list[type[BaseModel]]) -> list[str]:
-    """Return the names of the required fields."""
+def fields_of(models: list[type[BaseModel]], *, required: bool = False) -> list[str]:
+    """Return the names of all fields, or of the required ones."""
     fields = (item for model in models for item in model.model_fields.items())
-    return list(dict.fromkeys(field.alias or name for name, field in fields if field.is_required()))
+    return list(dict.fromkeys(field.alias or name for name, field in fields if field.is_required() or not required))
 
 
 def _inside(here: list[Any], part: int | str) -> list[Any]:

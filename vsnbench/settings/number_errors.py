@@ -45,7 +45,8 @@ _UPPER_BOUNDS = {"less_than": ("lt", "below"), "less_than_equal": ("le", "at mos
 
 def describe_number_error(detail: ErrorDetails) -> FieldError | None:
     """Describe an error about a number; None if the error is about another type."""
-    kind, given, field = detail["type"], detail["input"], _field_of(detail)
+    kind, given = detail["type"], detail["input"]
+    field = next((part for part in reversed(detail["loc"]) if isinstance(part, str)), "")
     if kind in _NUMBER_ERRORS:
         return _not_a_number(kind, given, field)
     if kind not in _LOWER_BOUNDS | _UPPER_BOUNDS:
@@ -76,10 +77,6 @@ def as_written(given: Any) -> str:
     if isinstance(given, dict):
         return "a mapping"
     return repr(given[:40]) if isinstance(given, str) else str(given)[:40]
-
-
-def _field_of(detail: ErrorDetails) -> str:
-    return next((part for part in reversed(detail["loc"]) if isinstance(part, str)), "")
 
 
 def _unit_of(field: str) -> tuple[str, str]:

@@ -221,17 +221,15 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
     yaml = YAML(typ="safe", pure=True)
     try:
         tree = yaml.compose(text)
-        repeated = [
-            SettingsFault(f"{origin}:{key.start_mark.line + 1}", f"field {key.value} is repeated")
-            for key in _repeated_keys(tree, set())
-        ]
-        if repeated:
-            raise _InvalidFileError(*repeated)
         if tree is None:
             return None, None
+        if repeated := [
+            SettingsFault(f"{origin}:{line}", f"field {name} is repeated") for line, name in _repeated_keys(tree)
+        ]:
+            raise _InvalidFileError(*repeated)
         if long := [
             SettingsFault(f"{origin}:{line}", f"a number has {digits} digits", line=line)
-            for line, digits in _long_integers(tree, set())
+            for line, digits in _long_integers(tree)
         ]:
             raise _InvalidFileError(*long)
         if _count_values(tree, {}) > MAX_VALUES:
@@ -259,47 +257,49 @@ def _count_values(node: Node, known: dict[int, int]) -> int:
     """Return the number of values after expansion of aliases; an alias inside itself exceeds the limit."""
     if id(node) not in known:
         known[id(node)] = MAX_VALUES + 1
-        if isinstance(node, MappingNode):
-            parts = [part for pair in node.value for part in pair]
-        else:
-            parts = list(node.value) if isinstance(node, SequenceNode) else []
-        known[id(node)] = 1 + sum(_count_values(part, known) for part in parts)
+        known[id(node)] = 1 + sum(_count_values(part, known) for part in _parts(node))
     return known[id(node)]
 
 
-def _long_integers(node: Node | None, seen: set[int]) -> Iterator[tuple[int, int]]:
-    """Yield the line and the number of digits of each integer that is too long for a floating-point number."""
-    if node is None or id(node) in seen:
-        return
-    seen.add(id(node))
-    if isinstance(node, ScalarNode):
-        if str(node.tag).endswith(":int") and len(node.value) > LONGEST_INTEGER:
-            yield node.start_mark.line + 1, len(node.value)
-    elif isinstance(node, SequenceNode):
-        for item in node.value:
-            yield from _long_integers(item, seen)
-    elif isinstance(node, MappingNode):
-        for pair in node.value:
-            for part in pair:
-                yield from _long_integers(part, seen)
+def _parts(node: Node) -> list[Node]:
+    """Return the entries of a list, or the keys and values of a mapping."""
+    if isinstance(node, MappingNode):
+        return [part for pair in node.value for part in pair]
+    return list(node.value) if isinstance(node, SequenceNode) else []
 
 
-def _repeated_keys(node: Node | None, seen: set[int]) -> Iterator[Node]:
-    """Yield each key that repeats an earlier key of its mapping; YAML would silently take the last."""
-    if node is None or id(node) in seen:  # an alias leads to a node that was visited or that contains it
-        return
-    seen.add(id(node))
-    if isinstance(node, SequenceNode):
-        for item in node.value:
-            yield from _repeated_keys(item, seen)
-    elif isinstance(node, MappingNode):
+def _nodes(tree: Node) -> Iterator[Node]:
+    """Yield every node once, in the order of the text; an alias leads to a node that was visited or contains it."""
+    seen: set[int] = set()
+    left = [tree]
+    while left:
+        node = left.pop()
+        if id(node) not in seen:
+            seen.add(id(node))
+            yield node
+            left += reversed(_parts(node))
+
+
+def _long_integers(tree: Node) -> list[tuple[int, int]]:
+    """Return the line and the number of digits of each integer that is too long for a floating-point number."""
+    return [
+        (node.start_mark.line + 1, len(node.value))
+        for node in _nodes(tree)
+        if isinstance(node, ScalarNode) and str(node.tag).endswith(":int") and len(node.value) > LONGEST_INTEGER
+    ]
+
+
+def _repeated_keys(tree: Node) -> list[tuple[int, str]]:
+    """Return the line and the name of each key that repeats one of its mapping; YAML would silently take the last."""
+    repeated: list[tuple[int, str]] = []
+    for node in _nodes(tree):
         names: set[str] = set()
-        for key, value in node.value:
+        for key, _ in node.value if isinstance(node, MappingNode) else ():
             if isinstance(key, ScalarNode):
                 if key.value in names:
-                    yield key
+                    repeated.append((key.start_mark.line + 1, key.value))
                 names.add(key.value)
-            yield from _repeated_keys(value, seen)
+    return sorted(repeated)
 
 
 def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[int | str, ...]:

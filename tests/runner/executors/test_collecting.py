@@ -17,10 +17,10 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner, store_bundle
 from vsnbench.runner.executors.contract import WorkerLost
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
-from vsnbench.runner.loop.session_context import RecordingOptions
 from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.trial_setup import TrialSetup, TrialSetupSpec, open_trial_setup
 from vsnbench.values.encoding.image_digest import file_digest

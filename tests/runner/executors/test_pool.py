@@ -14,12 +14,13 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.contract import EpisodeStored, PoolEvent, TrialPool, WorkerLost
 from vsnbench.runner.executors.pool import PoolExecutor
 from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.follow_up import LOST_WORKER_LIMIT
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, Display, EndedEpisode
 from vsnbench.runner.setup.trial_setup import SetupDescription
 from vsnbench.runner.stopping.requests import Stopped, StopRequest, StopRequests, of_signal

@@ -93,10 +93,9 @@ class Person(Display):
 
 
 def at_the_terminal(session: PageSession, given: Given, *, blind: bool = False) -> Outcome:
-    person, stop = Person(given), StopRequests()
-    operator = TerminalOperator(
-        person, EmergencyStop(lambda: None, stop.ask), stop, OperatorPrompts(), read_line=person.read_line
-    )
+    person, stop, prompts = Person(given), StopRequests(), OperatorPrompts()
+    prompts.read_line = person.read_line
+    operator = TerminalOperator(person, EmergencyStop(lambda: None, stop.ask), stop, prompts)
     try:
         judgement = (BlindOperator(operator) if blind else operator).judge(ended(session))
     except Stopped:

@@ -9,7 +9,6 @@ import time
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import timedelta
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,12 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
 from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.follow_up import FollowUpRules
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Judgement, Operator
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.emergency_key import PRESSED
@@ -102,12 +101,11 @@ def run_campaign(
     robot: StandInRobot,
     operator: Operator,
     policy: ScriptedPolicy,
-    target: RecordingTarget,
+    recording: RecordingOptions,
     stop: StopRequests,
 ) -> SessionResult:
-    recording = RecordingOptions(target.results, operator_name=target.operator)
     context = SessionContext(journal, operator, stop, PLAN.site, PLAN.parameters, recording)
-    model = DrivingModel(policy, partial(EpisodeRecorderFanOut, target))
+    model = DrivingModel(policy, "scripted")
     source = CampaignSource(journal, campaign, FollowUpRules(repeats_at_once=operator.repeats_void_trials))
     reason = run(source, InProcessExecutor(context, robot, SingleModel(model)), operator)
     return SessionResult.of(source.rules, journal.campaign_progress(campaign), reason)
@@ -125,8 +123,8 @@ def drive(
 ) -> SessionResult:
     with Journal.open(results.database_url) as journal, stop or StopRequests() as stopping:
         campaign = campaign_of(journal, simulated=robot.simulated, starts=starts)
-        target = RecordingTarget(journal, results, "scripted", PROFILE, operator="maria", own_thread=own_thread)
-        return run_campaign(journal, campaign, robot, person, ScriptedPolicy(script), target, stopping)
+        recording = RecordingOptions(results, operator_name="maria", own_thread=own_thread)
+        return run_campaign(journal, campaign, robot, person, ScriptedPolicy(script), recording, stopping)
 
 
 def read(results: ResultsDirectory, query: str) -> list[tuple[Any, ...]]:
@@ -304,10 +302,9 @@ def test_the_robot_waits_for_a_locked_database(results: ResultsDirectory) -> Non
             locker.execute("BEGIN IMMEDIATE") if len(robot.executed) == 1 else None,
             MotionResult(completed=True),
         )[1]
-        target = RecordingTarget(journal, results, "scripted", PROFILE)
         policy = ScriptedPolicy([Action.TURN_LEFT, Action.TURN_LEFT, Action.STOP])
         campaign = campaign_of(journal, simulated=True)
-        result = run_campaign(journal, campaign, robot, AbsentOperator(), policy, target, stop)
+        result = run_campaign(journal, campaign, robot, AbsentOperator(), policy, RecordingOptions(results), stop)
     locker.close()
     assert max(waited) <= 2, "one step was running, and no step begins before the last one is stored"
     assert (result.episodes, result.left) == (1, 0)

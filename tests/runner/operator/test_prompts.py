@@ -96,8 +96,8 @@ def test_the_terminal_wakes_for_a_reply_and_a_requested_action() -> None:
 
 
 def test_a_stop_ends_the_episode_only_while_driving() -> None:
-    prompts, done = OperatorPrompts(), []
-    prompts.connect(lambda: done.append("halt"), lambda request: done.append(request.description))
+    done: list[str] = []
+    prompts = OperatorPrompts(None, lambda: done.append("halt"), lambda request: done.append(request.description))
     assert not prompts.end_episode("Anna", "the page's STOP button")
     prompts.halt()
     assert done == ["halt"]

@@ -52,10 +52,9 @@ class Terminal(Display):
 
 
 def operator_at(terminal: Terminal, duties: OperatorDuties | None = None) -> TerminalOperator:
-    stop = StopRequests()
-    return TerminalOperator(
-        terminal, EmergencyStop(lambda: None, stop.ask), stop, OperatorPrompts(), duties, read_line=terminal.read_line
-    )
+    stop, prompts = StopRequests(), OperatorPrompts()
+    prompts.read_line = terminal.read_line
+    return TerminalOperator(terminal, EmergencyStop(lambda: None, stop.ask), stop, prompts, duties)
 
 
 def placing_blind() -> Placing:

@@ -4,6 +4,7 @@ import pytest
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.runner.executors.in_process import DrivingModel
 from vsnbench.runner.setup.model_cache import ModelCache
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
@@ -38,12 +39,12 @@ class Cage:
         self.most = 0
         self.hatched: list[str] = []
 
-    def load(self, name: str) -> Policy:
+    def load(self, name: str) -> DrivingModel:
         if name not in SIZES:
             raise ModelError(f"there is no {name}")
         bird = Bird(name, self)
         self.most = max(self.most, self.taken - 1000)
-        return bird
+        return DrivingModel(bird, name)
 
     def shelf(self, limit: int) -> ModelCache:
         return ModelCache(self.load, limit, lambda: self.taken)

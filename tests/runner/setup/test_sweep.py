@@ -39,14 +39,14 @@ REQUEST = RunRequest(
 
 def test_a_sweep_has_every_combination_and_seeds_vary_slowest() -> None:
     sweep = plan_sweep(REQUEST, ("forward", "random"), (0, 1, 5), ("apartment", "flat:3", "flat:4", "flat:9"))
-    assert [(one.seed, one.site, one.model) for one in sweep.requests] == [
+    assert [(one.seed, one.site, one.model) for one in (campaign.request for campaign in sweep)] == [
         (seed, site, model)
         for seed in (0, 1, 5)
         for site in ("apartment", "flat:3", "flat:4", "flat:9")
         for model in ("forward", "random")
     ]
-    assert set(sweep.site_names) == {"apartment", "flat-3", "flat-4", "flat-9"}
-    assert all(15 <= trials <= 18 for trials in sweep.trials)
+    assert {campaign.site_name for campaign in sweep} == {"apartment", "flat-3", "flat-4", "flat-9"}
+    assert all(15 <= campaign.trials <= 18 for campaign in sweep)
 
 
 def test_a_generated_site_has_its_own_name() -> None:
@@ -95,7 +95,7 @@ def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
     conditions = conditions_of(["glare", "blur"], (5, 1))
     assert [condition.text for condition in conditions] == ["", "glare=0.2", "glare=1", "blur=1", "blur=10"]
     sweep = with_disturbances(plan_sweep(REQUEST, ("forward", "random"), (0,), ("apartment",)), conditions)
-    assert [(request.model, request.disturbances.text) for request in sweep.requests[4:7]] == [
+    assert [(campaign.request.model, campaign.request.disturbances.text) for campaign in sweep[4:7]] == [
         ("forward", "blur=10"),
         ("random", ""),
         ("random", "glare=0.2"),
@@ -132,7 +132,7 @@ def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:
     asked = replace(REQUEST, goals=("bathtub,chair",), starts="1")
     lacking = "flat:3"
     assert "bathtub" not in named_site(lacking).categories
-    assert plan_sweep(asked, ("forward",), (0,), (lacking, "flat:0")).trials == (2, 2)
+    assert [campaign.trials for campaign in plan_sweep(asked, ("forward",), (0,), (lacking, "flat:0"))] == [2, 2]
     with pytest.raises(UsageError) as refused:
         plan_sweep(asked, ("forward",), (0, 1), (lacking,))
     assert refused.value.code == "unknown-goal"

@@ -1,9 +1,11 @@
 """Edits of a locked study by SQL are found by its lock, its log and the random draw."""
 
+import json
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +16,7 @@ from tests.study.studies import study_text
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.studies.entries import RecordedStudy
+from vsnbench.results.studies.log import event_hash, events_of
 from vsnbench.results.writing.journal import Journal
 from vsnbench.study.lock import LockNote
 from vsnbench.study.schedule import Schedule
@@ -87,6 +90,37 @@ def test_a_change_of_a_locked_study_is_found(
     assert len(found) == count, found
     assert any(named in words for words in found), found
     assert not any("one" in words.split() or "two" in words.split() for words in found), "the study is blind"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("arms", [["a"]]),
+        ("arms", 3),
+        ("arm", [1]),
+        ("repetition", "x"),
+        ("state", [2]),
+        ("verdicts", "x"),
+        ("verdicts", -5),
+        ("verdict", 7),
+        ("verdict", {"success": [1]}),
+    ],
+)
+def test_a_malformed_log_with_new_hashes_is_found(
+    journal: Journal, study: RecordedStudy, field: str, value: Any
+) -> None:
+    with journal.engine.connect() as connection:
+        events = events_of(connection, study.id)
+    for event in events:
+        content = json.loads(event.content)
+        if field in content:
+            text = json.dumps({**content, field: value})
+            sha256 = event_hash(event.created_at, event.kind, text, event.previous)
+            change(
+                journal,
+                f"UPDATE study_event SET content = '{text}', sha256 = '{sha256}' WHERE sha256 = '{event.sha256}'",
+            )
+    assert integrity(journal, study.uuid, note_of(journal, study)).differences
 
 
 def test_a_lock_file_with_another_schedule_is_found(journal: Journal, study: RecordedStudy) -> None:

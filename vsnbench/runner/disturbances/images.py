@@ -25,11 +25,9 @@ _PATCH_PX = 20
 
 
 def blur(rgb: npt.NDArray[np.uint8], value: float) -> npt.NDArray[np.uint8]:
-    """Return the image with a Gaussian blur.
+    """Return the (H, W, 3) image with a Gaussian blur.
 
-    Args:
-        rgb: (H, W, 3).
-        value: standard deviation, pixels of an image 640 pixels wide.
+    `value` is its standard deviation in pixels of an image 640 pixels wide.
     """
     import cv2
 
@@ -38,13 +36,9 @@ def blur(rgb: npt.NDArray[np.uint8], value: float) -> npt.NDArray[np.uint8]:
 
 
 def glare(rgb: npt.NDArray[np.uint8], value: float, camera: Camera, lamp_rad: float) -> npt.NDArray[np.uint8]:
-    """Return the image with a veil of white light around a lamp.
+    """Return the (H, W, 3) image with a veil of white light around a lamp.
 
-    Args:
-        rgb: (H, W, 3).
-        value: share of white at the lamp.
-        camera: the camera of the image.
-        lamp_rad: heading of the lamp in the robot's frame, counter-clockwise.
+    `value` is the share of white at the lamp, and `lamp_rad` its heading in the robot's frame, counter-clockwise.
     """
     rays = camera.rays(rgb.shape[1], rgb.shape[0])
     ahead, left, up = rays.ahead[:, None], rays.left[None, :], rays.up[:, None]
@@ -58,13 +52,7 @@ def glare(rgb: npt.NDArray[np.uint8], value: float, camera: Camera, lamp_rad: fl
 
 
 def low_light(rgb: npt.NDArray[np.uint8], value: float, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """Return the image with less light, and with the shot noise and read noise of a camera.
-
-    Args:
-        rgb: (H, W, 3).
-        value: share of the light that is missing.
-        rng: random number generator.
-    """
+    """Return the (H, W, 3) image without the share `value` of its light, with a camera's shot noise and read noise."""
     electrons = (_ELECTRONS * np.float32(1 - value))[rgb]
     noise = rng.standard_normal(rgb.shape, dtype=np.float32)
     electrons += noise * np.sqrt(electrons + np.float32(_READ_NOISE**2))
@@ -75,13 +63,7 @@ def low_light(rgb: npt.NDArray[np.uint8], value: float, rng: np.random.Generator
 def depth_holes(
     depth_m: npt.NDArray[np.float32], value: float, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Return the depth image with patches without depth, and the patches.
-
-    Args:
-        depth_m: (H, W) metres, NaN where invalid.
-        value: share of the image without depth.
-        rng: random number generator.
-    """
+    """Return the (H, W) depth image in metres with NaN patches on the share `value` of it, and the patches."""
     height, width = depth_m.shape
     side = max(1, round(_PATCH_PX * width / _WIDTH_PX))
     grid = rng.random((-(-height // side), -(-width // side))) < value

@@ -22,16 +22,9 @@ from vsnbench.values.pose import Pose, wrap_angle
 
 
 class PolicyView:
-    """Makes what the policy sees in one episode from what the robot observes."""
+    """Makes what the policy sees in one episode from what the robot observes; without disturbances, the same."""
 
     def __init__(self, disturbances: Disturbances, robot: Robot, seed: int) -> None:
-        """Begin an episode.
-
-        Args:
-            disturbances: the disturbances; without any, the policy sees the robot's own observations.
-            robot: renders the view of a camera that is mounted otherwise.
-            seed: seed of the trial.
-        """
         self._disturbances = disturbances
         self._robot = robot
         self._seed = seed

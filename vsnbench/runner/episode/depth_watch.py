@@ -47,20 +47,13 @@ class _Frame:
 class DepthWatch:
     """Compares the depth images of one episode with each other and with the robot's movements.
 
-    Does nothing for a robot without depth images, or with the guard off.
+    Does nothing for a robot without depth images, or with the guard off. `free_ahead_m` returns the distance straight
+    ahead from the start to the site's first wall or object; it is used if the robot sees nothing there.
     """
 
     def __init__(
         self, identity: RobotIdentity, guard: DepthGuard, free_ahead_m: Callable[[], float] = lambda: math.inf
     ) -> None:
-        """Watch one episode.
-
-        Args:
-            identity: of the robot.
-            guard: of the protocol.
-            free_ahead_m: returns the distance straight ahead from the start to the site's first wall or object; used
-                if the robot sees nothing there.
-        """
         self._free_ahead_m = free_ahead_m
         self._base = identity.profile.base
         self._camera = identity.profile.camera

@@ -3,13 +3,11 @@
 import logging
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 from vsnbench.errors import ModelLostError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.models.contract import Policy
 from vsnbench.models.task import task_of
-from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge
 from vsnbench.protocol.limits import Spent
 from vsnbench.robots.contract import Robot
@@ -127,7 +125,7 @@ def run_episode(
             task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
         reason: EndReason | None = None
-        stepper = Stepper(robot, calls, view, plan, partial(_free_ahead_m, robot, plan, here))
+        stepper = Stepper(robot, calls, view, plan, here)
         while reason is None:
             with stop.interruptible():
                 step, reason = stepper.take(spent, here)
@@ -202,11 +200,6 @@ def _place_at_start(
             return placing.begin(), placing.last
         except NotPlacedError as error:
             problem = str(error)
-
-
-def _free_ahead_m(robot: Robot, plan: EpisodePlan, here: Fix) -> float:
-    """Return the distance from the robot's axis straight ahead to the site's first wall or object."""
-    return free_space(plan.site, robot.identity.profile.base.radius_m).free_ahead_m(here.pose)
 
 
 def _judged(

@@ -10,7 +10,7 @@ from vsnbench.values.observation import observation_of
 from vsnbench.values.robot_profile import RobotProfile
 
 MAX_AGE_S = 0.6
-"""An image captured longer ago says too little about where the robot drives now."""
+"""An image captured longer ago does not show what is ahead of the robot now."""
 REACTION_S = 0.15
 """Time from an image to zero velocity at the wheels: half a camera period at 10 Hz, a check, a message."""
 _STEP_M = 0.05

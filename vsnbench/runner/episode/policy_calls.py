@@ -43,15 +43,12 @@ class PolicyFailedError(Exception):
 
 
 class PolicyCalls:
-    """Calls one policy through one episode."""
+    """Calls one policy through one episode.
+
+    Requests to stop interrupt it. They are not failures of the policy, even if it catches them.
+    """
 
     def __init__(self, policy: Policy, stop: StopRequests) -> None:
-        """Read the policy's card.
-
-        Args:
-            policy: the policy.
-            stop: requests that interrupt the policy; they are not failures of the policy, even if it catches them.
-        """
         self._policy = policy
         self._stop = stop
         self._name = policy.card.name
@@ -90,7 +87,7 @@ class PolicyCalls:
             return decision if decision.parts else self.without_tilt(decision)
 
     def without_tilt(self, decided: Decision | Action | Movement) -> Decision:
-        """Return a decision, or a part of a chunk, with LOOK_UP and LOOK_DOWN replaced as the card says.
+        """Return a decision, or a part of a chunk, with LOOK_UP and LOOK_DOWN replaced as the card states.
 
         Raises:
             DecisionError: the card replaces it by no other action.

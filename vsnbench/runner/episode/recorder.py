@@ -65,18 +65,14 @@ class EpisodeWriter(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class RecordingTarget:
-    """Where episodes are recorded, and under which names."""
+class RecordingOptions:
+    """Where and how episodes are recorded; plain values, which every worker receives."""
 
-    journal: EpisodeWriter
     results: ResultsDirectory
-    model: str
-    """Name of the model and its weights, for people."""
-    robot: RobotProfile
     viewer: EpisodeViewer | None = None
-    """Shows or copies the episodes."""
-    operator: str = ""
-    """Name of the session's operator."""
+    """Copies or shows the episodes."""
+    operator_name: str = ""
+    """Author of operator actions for which no other name is known."""
     keep: KeepFiles = KeepFiles.ALL
     """What to store of an episode."""
     own_thread: bool = True
@@ -84,26 +80,26 @@ class RecordingTarget:
 
 
 class EpisodeRecorderFanOut:
-    """The recorder of one claimed episode."""
+    """The recorder of one claimed episode; `model` names the model and its weights as people may see them."""
 
-    def __init__(self, target: RecordingTarget, claim: Claim) -> None:
-        self._target = target
+    def __init__(
+        self, journal: EpisodeWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
+    ) -> None:
+        self._journal = journal
+        self._options = options
+        self._robot = robot
+        self._model = model
         self._claim = claim
         self._plan: EpisodePlan | None = None
         self._images: EpisodeImages | None = None
         self._sink: EpisodeSink | None = None
-        self._photos = MarkPhotos(target.results, target.robot)
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder") if target.own_thread else None
+        self._photos = MarkPhotos(options.results, robot)
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="recorder") if options.own_thread else None
         self._pending: Future[None] | None = None
         self._trajectory: list[StampedPose] = []
         self._detour_m = 0.0
         self._last_number = 0
         self._robot_time_s = 0.0
-
-    @property
-    def episode_id(self) -> int:
-        """The episode's number."""
-        return self._claim.id
 
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         """Return the image from when this robot was first accepted at this start; None if there is none."""
@@ -111,32 +107,32 @@ class EpisodeRecorderFanOut:
 
     def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
         """Open the episode in the database, its directory and the viewer's sink."""
-        target, claim = self._target, self._claim
+        journal, options, claim = self._journal, self._options, self._claim
         measured = placed.measured if placed is not None else None
         if placed is not None and measured is not None and measured.within_tolerance:
             self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
         self._plan = plan
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
-        target.journal.place(claim.id, start)
-        images = target.keep is not KeepFiles.NONE
-        target.journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images, measured=measured))
-        directory = target.results.episode_directory(claim.images_directory)
+        journal.place(claim.id, start)
+        images = options.keep is not KeepFiles.NONE
+        journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images, measured=measured))
+        directory = options.results.episode_directory(claim.images_directory)
         self._images = EpisodeImages(directory) if images else None
         header = EpisodeHeader(
             episode_id=claim.id,
             uuid=claim.uuid,
             goal=plan.goal,
-            model=target.model,
-            robot=target.robot.title,
+            model=self._model,
+            robot=self._robot.title,
             site=plan.site,
             start_number=plan.start.number,
             begin=start,
             parameters=plan.parameters,
-            robot_radius_m=target.robot.base.radius_m,
+            robot_radius_m=self._robot.base.radius_m,
         )
-        if target.viewer is not None:
-            self._sink = target.viewer.open_episode(header, directory)
+        if options.viewer is not None:
+            self._sink = options.viewer.open_episode(header, directory)
 
     def step(self, step: Step) -> None:
         """Write a step, in the thread if there is one, after the step before it is committed."""
@@ -158,12 +154,12 @@ class EpisodeRecorderFanOut:
         """Write an event after the last step."""
         self._settle()
         number = self._last_number or None
-        self._target.journal.add_event(kind, text, author=author, episode_id=self.episode_id, step_number=number)
+        self._journal.add_event(kind, text, author=author, episode_id=self._claim.id, step_number=number)
         self._show(EventEntry(self._last_number, kind, text, author))
 
     def intervention(self, what: str, author: str = "") -> None:
         """Write that a person acted on the robot."""
-        self.event(INTERVENTION, what, author or self._target.operator)
+        self.event(INTERVENTION, what, author or self._options.operator_name)
 
     def end(self, outcome: EpisodeOutcome) -> None:
         """Write the end and the verdict in one transaction."""
@@ -173,8 +169,8 @@ class EpisodeRecorderFanOut:
             length_m = path_length_m([moment.pose for moment in self._trajectory]) + self._detour_m
         if self._images:
             self._images.finish(self._trajectory)
-        self._target.journal.end_episode(
-            self.episode_id,
+        self._journal.end_episode(
+            self._claim.id,
             EpisodeEnd(
                 end_reason=outcome.verdict.end_reason,
                 actions=outcome.actions,
@@ -225,7 +221,7 @@ class EpisodeRecorderFanOut:
             movement=decision.movement,
             part=step.part,
         )
-        self._target.journal.append_step(self.episode_id, record)
+        self._journal.append_step(self._claim.id, record)
         self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))
 
     def _show(self, entry: Entry) -> None:
@@ -235,7 +231,7 @@ class EpisodeRecorderFanOut:
     def _geodesic_m(self, pose: Pose, *, ended: bool = False) -> float | None:
         if self._plan is None:
             return None
-        base, parameters = self._target.robot.base, self._plan.parameters
+        base, parameters = self._robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)
         measure = space.remaining_m if ended else space.geodesic_to_goal_m
         return measure(pose, self._plan.goal, parameters)

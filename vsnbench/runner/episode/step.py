@@ -2,10 +2,10 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from vsnbench.protocol.disturbances import NONE, Disturbances
+from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, end_after
 from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -74,30 +74,22 @@ class Stepper:
     the chunk is dropped, and the model decides again.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        calls: PolicyCalls,
-        view: PolicyView,
-        plan: EpisodePlan,
-        free_ahead_m: Callable[[], float],
-    ) -> None:
+    def __init__(self, robot: Robot, calls: PolicyCalls, view: PolicyView, plan: EpisodePlan, start: Fix) -> None:
         self._robot = robot
         self._view = view
         self._calls = calls
         self._plan = plan
         self._base = robot.identity.profile.base
         self._guard = plan.parameters.depth_guard
-        self.watch = DepthWatch(robot.identity, self._guard, free_ahead_m)
+        self.watch = DepthWatch(
+            robot.identity,
+            self._guard,
+            free_ahead_m=lambda: free_space(plan.site, self._base.radius_m).free_ahead_m(start.pose),
+        )
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
-        """Take a step; return it, and the reason of the episode's end if it is the last.
-
-        Args:
-            spent: what the episode has used so far.
-            before: pose of the robot in the site.
-        """
+        """Take a step from a pose in the site; return it, and the reason of the episode's end if it is the last."""
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)
@@ -144,7 +136,7 @@ class Stepper:
     ) -> tuple[GuardReading | None, MotionResult | None, str]:
         """Return the guard's reading, the result, and why the action was refused or ended early.
 
-        A pixel is one of the image that the policy has seen.
+        A pixel refers to the image that the policy has seen.
         """
         if decision.action is Action.NOOP:
             return None, MotionResult(completed=True), ""

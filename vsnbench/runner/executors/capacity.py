@@ -11,6 +11,7 @@ from vsnbench.runner.executors.messages import Prepared
 from vsnbench.runner.executors.ray_connection import ClusterAddress
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runtime.resources import available_memory, granted_cores
+from vsnbench.text.sanitize import counted
 
 GIB = 2**30
 AMPLE_BYTES = 3 * GIB
@@ -41,7 +42,9 @@ class ClusterRequest:
 
     address: ClusterAddress
     workers: int | None
+    """Maximum number of trials at once; None for the number of cores."""
     gpus_each: float
+    """Share of a GPU that each worker holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +75,7 @@ class Capacity:
         return cls(granted_cores(), available_memory(), gpu)
 
     def initial_count(self, request: WorkerRequest, device: str | None) -> int:
-        """Return the number of workers to start before one has been measured.
-
-        Args:
-            request: number of workers requested.
-            device: device that the model must use; None if it chooses.
-        """
+        """Return the number of workers to start before one is measured; a model without `device` chooses its own."""
         if request.first_alone:
             return 1
         may_use_gpu = self.has_gpu and device != "cpu"
@@ -86,11 +84,11 @@ class Capacity:
 
     def summary(self, workers: int, measured: Prepared) -> str:
         """Return the number of workers and what it was chosen from."""
-        cores = f"{self.cores} core{'' if self.cores == 1 else 's'}"
+        cores = counted(self.cores, "core")
         if measured.sessions is not None:
             cores += f", {measured.sessions} sessions of the model's server"
         text = (
-            f"{workers} worker{'' if workers == 1 else 's'}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
+            f"{counted(workers, 'worker')}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
             f"one takes about {worker_bytes(measured) / GIB:.1f} GiB"
         )
         if gpu := measured.gpu:

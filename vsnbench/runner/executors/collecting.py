@@ -10,8 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError
 from vsnbench.files.atomic import part_path
@@ -21,9 +19,9 @@ from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.lifecycle import LEASE
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored, PoolEvent, TrialPool, WorkerLost
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle
-from vsnbench.runner.loop.session_context import RecordingOptions
 from vsnbench.runner.setup.trial_setup import SetupDescription
 from vsnbench.runner.stopping.requests import StopRequest
 
@@ -69,33 +67,16 @@ class TaskRunner(ABC):
 
 
 class MergingPool(TrialPool):
-    """Claims trials, has them run as tasks and stores what they return; a context manager."""
+    """Claims trials, has them run as tasks and stores what they return."""
 
     def __init__(self, runner: TaskRunner) -> None:
+        self.description, self.summary = runner.description, runner.summary
         self._runner = runner
         self._claims: dict[int, Claim] = {}
         """Claims of the running tasks, by trial ID."""
         self._recording: RecordingOptions | None = None
         self._journal: Journal | None = None
         self._over = threading.Event()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.kill()
-
-    @property
-    def description(self) -> SetupDescription:
-        """Description that the setups of all workers share."""
-        return self._runner.description
-
-    @property
-    def summary(self) -> str:
-        """Number of workers, and where they are."""
-        return self._runner.summary
 
     @property
     def free(self) -> int:
@@ -118,11 +99,7 @@ class MergingPool(TrialPool):
             self._runner.submit(trial, claim.seed)
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:
-        """Store what has returned, and report it.
-
-        Raises:
-            VsnbenchError: no worker can run trials, or one has another setup than the campaign.
-        """
+        """Store what has returned, and report it."""
         happened: list[PoolEvent] = []
         for result in self._runner.results(timeout_s):
             claim = self._claims.pop(result.trial.id, None)

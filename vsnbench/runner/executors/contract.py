@@ -3,11 +3,12 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOutcome
-from vsnbench.runner.loop.session_context import RecordingOptions
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.setup.trial_setup import SetupDescription
 from vsnbench.runner.stopping.requests import StopRequest
 
@@ -42,17 +43,18 @@ PoolEvent = ActionsTaken | EpisodeStored | WorkerLost
 
 
 class TrialPool(ABC):
-    """Workers that run trials with setups made from one spec."""
+    """Workers that run trials with setups made from one spec; a context manager that ends them."""
 
-    @property
-    @abstractmethod
-    def description(self) -> SetupDescription:
-        """Description that the setups of all workers share."""
+    description: SetupDescription
+    """Description that the setups of all workers share."""
+    summary: str
+    """Number of workers, and where they are or the reason for the number."""
 
-    @property
-    @abstractmethod
-    def summary(self) -> str:
-        """Number of workers and the reason for it."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.kill()
 
     @property
     @abstractmethod

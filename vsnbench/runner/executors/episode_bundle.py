@@ -16,7 +16,7 @@ from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.results.writing.remote_episodes import BundledEvent, BundledRows
 from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
+from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec
@@ -51,17 +51,10 @@ def run_bundled(setup: TrialSetup, ran_on: Provenance, spec: TrialSetupSpec, tri
     description = setup.description
     with ScratchDirectory("trial") as scratch:
         results = ResultsDirectory.locate(scratch.path)
-        target = RecordingTarget(
-            rows,
-            results,
-            description.title,
-            description.robot.profile,
-            None,
-            ran_on.operator,
-            spec.keep,
-            own_thread=False,  # a cluster's worker has one core
-        )
-        recorder = EpisodeRecorderFanOut(target, Claim(0, "", trial, seed, _DIRECTORY))
+        # Without its own thread, because a cluster's worker has one core.
+        options = RecordingOptions(results, operator_name=ran_on.operator, keep=spec.keep, own_thread=False)
+        claim = Claim(0, "", trial, seed, _DIRECTORY)
+        recorder = EpisodeRecorderFanOut(rows, options, description.robot.profile, description.title, claim)
         start = spec.site.start(trial.start)
         episode = EpisodePlan(spec.site, trial.goal, start, seed, spec.parameters, spec.disturbances)
         try:

@@ -20,11 +20,7 @@ _SET_END_WITH_PARENT = 1
 
 
 def main(descriptor: str) -> None:
-    """Serve the driver until it ends; in a forked worker, run the worker.
-
-    Args:
-        descriptor: file descriptor of the socket to the driver.
-    """
+    """Serve the driver at the socket with this file descriptor until it ends; in a forked worker, run the worker."""
     adopt_orphans()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends the process without a traceback
     gc.disable()  # imported modules stay

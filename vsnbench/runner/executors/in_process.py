@@ -3,7 +3,7 @@
 import logging
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -29,12 +29,11 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class DrivingModel:
-    """A loaded model and what makes the recorders of its episodes."""
+    """A loaded model."""
 
     policy: Policy
-    new_recorder: Callable[[Claim], EpisodeRecorderFanOut]
-    shown_name: str = ""
-    """Name that the operator may see: its code in a blind study."""
+    title: str
+    """Name as people may see it: the arm's code in a blind study."""
 
 
 class ModelProvider(ABC):
@@ -116,12 +115,13 @@ class InProcessExecutor(TrialExecutor):
             raise
         start = context.site.start(claim.trial.start)
         plan = EpisodePlan(context.site, claim.trial.goal, start, claim.seed, context.parameters, context.disturbances)
-        recorder = model.new_recorder(claim)
+        robot, profile = self._robot, self._robot.identity.profile
+        recorder = EpisodeRecorderFanOut(context.journal, context.recording, profile, model.title, claim)
         try:
             with _renewed(context.journal, claim):
                 logger.info("episode %d: %s from start %d", claim.id, claim.trial.goal, claim.trial.start)
-                self._operator.trial_begins(Upcoming(claim.id, claim.trial.id, model.shown_name, plan))
-                outcome = run_episode(self._robot, model.policy, plan, recorder, self._operator, context.stop_requests)
+                self._operator.trial_begins(Upcoming(claim.id, claim.trial.id, model.title, plan))
+                outcome = run_episode(robot, model.policy, plan, recorder, self._operator, context.stop_requests)
         except EpisodeClosedError as closed:
             logger.warning("%s", closed)
             return None

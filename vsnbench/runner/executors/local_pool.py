@@ -2,36 +2,26 @@
 
 import logging
 import os
+import shlex
 import signal
 import sys
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing.connection import Connection, wait
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.capacity import Capacity, WorkerRequest, choose_count
 from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored, PoolEvent, TrialPool, WorkerLost
-from vsnbench.runner.executors.messages import (
-    Acted,
-    Ended,
-    Free,
-    Order,
-    Prepare,
-    Prepared,
-    Refused,
-    Report,
-    RunTrial,
-    Stop,
-)
+from vsnbench.runner.executors.messages import Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.executors.process import WorkerProcess, fork_server
-from vsnbench.runner.loop.session_context import RecordingOptions
-from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runner.stopping.requests import StopRequest
 
 logger = logging.getLogger(__name__)
@@ -86,7 +76,7 @@ class LocalWorker:
 
 
 class LocalPool(TrialPool):
-    """Worker processes on this machine; a context manager that ends them."""
+    """Worker processes on this machine."""
 
     def __init__(self, spec: TrialSetupSpec, request: WorkerRequest) -> None:
         """Start the workers, and measure how many fit into memory; arguments and errors as for `prepare`."""
@@ -103,7 +93,7 @@ class LocalPool(TrialPool):
             UsageError: the requested workers do not fit into memory, or the spec is not consistent.
             VsnbenchError: the setup cannot be made.
         """
-        self._order = Prepare(spec, tuple(sys.argv))
+        self._order = Prepare(spec, shlex.join(sys.argv))
         capacity = self._capacity
         try:
             if request.first_alone:
@@ -112,33 +102,15 @@ class LocalPool(TrialPool):
                 worker.order_setup(self._order)
             self._start(capacity.initial_count(request, spec.model_options.get("device")) - len(self._workers))
             first = self._await_first()
-            self._description = first.description
+            self.description = first.description
             self._count = choose_count(request, capacity, first, len(self._workers))
             self._workers.sort(key=lambda worker: worker.prepared is None)  # ready ones stay
             self._end_surplus(self._count)
             self._start(self._count - len(self._workers))
-            self._summary = capacity.summary(self._count, first)
+            self.summary = capacity.summary(self._count, first)
         except BaseException:
             self.kill()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.kill()
-
-    @property
-    def description(self) -> SetupDescription:
-        """Description that the setups of all workers share."""
-        return self._description
-
-    @property
-    def summary(self) -> str:
-        """Number of workers and the reason for it."""
-        return self._summary
 
     @property
     def free(self) -> int:
@@ -155,14 +127,11 @@ class LocalPool(TrialPool):
         del journal
         worker = next(worker for worker in self._workers if worker.is_free)
         worker.trial = trial
-        worker.send(RunTrial(trial, recording, has_spare_cores=self._count < self._capacity.cores))
+        has_spare_cores = self._count < self._capacity.cores
+        worker.send(RunTrial(trial, replace(recording, own_thread=has_spare_cores)))
 
     def events(self, timeout_s: float) -> Sequence[PoolEvent]:
-        """Return what has happened as soon as there is something, or nothing after the timeout.
-
-        Raises:
-            VsnbenchError: an order that no worker can carry out.
-        """
+        """Return what has happened as soon as there is something, or nothing after the timeout."""
         by_connection = {worker.connection: worker for worker in self._workers}
         for ready in wait(list(by_connection), timeout_s):
             worker = by_connection[ready]  # type: ignore[index]
@@ -239,10 +208,8 @@ class LocalPool(TrialPool):
                     raise VsnbenchError(
                         f"two workers with the same spec have different setups: {difference}", code="worker-differs"
                     )
-            case Acted(actions):
-                self._events.append(ActionsTaken(actions))
-            case Ended(number, trial, outcome):
-                self._events.append(EpisodeStored(number, trial, outcome))
+            case ActionsTaken() | EpisodeStored():
+                self._events.append(report)
             case Free():
                 worker.trial = None
             case Refused(error):
@@ -268,9 +235,7 @@ class SharedWorkers:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:

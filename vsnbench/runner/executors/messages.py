@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from vsnbench.errors import VsnbenchError
 from vsnbench.models.checkpoints.torch_runtime import GpuMemory
 from vsnbench.results.writing.campaigns import Trial
-from vsnbench.runner.episode.episode import EpisodeOutcome
-from vsnbench.runner.loop.session_context import RecordingOptions
+from vsnbench.runner.episode.recorder import RecordingOptions
+from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec
 from vsnbench.runner.stopping.requests import StopRequest
 
@@ -16,7 +16,7 @@ class Prepare:
     """Make a trial setup."""
 
     spec: TrialSetupSpec
-    command: tuple[str, ...]
+    command: str
     """Command line of the driver, for the provenance."""
 
 
@@ -26,8 +26,6 @@ class RunTrial:
 
     trial: Trial
     recording: RecordingOptions
-    has_spare_cores: bool
-    """There are more cores than workers: a step can be written while the next one runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,22 +52,6 @@ class Prepared:
 
 
 @dataclass(frozen=True, slots=True)
-class Acted:
-    """Number of actions recorded since the last report."""
-
-    actions: int
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """An episode has ended and is recorded."""
-
-    number: int
-    trial: Trial
-    outcome: EpisodeOutcome
-
-
-@dataclass(frozen=True, slots=True)
 class Free:
     """The trial is over, or another process had claimed it; the worker waits for the next order."""
 
@@ -81,4 +63,4 @@ class Refused:
     error: VsnbenchError
 
 
-Report = Prepared | Acted | Ended | Free | Refused
+Report = Prepared | ActionsTaken | EpisodeStored | Free | Refused

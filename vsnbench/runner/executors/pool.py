@@ -45,12 +45,7 @@ class PoolExecutor(TrialExecutor):
         return True
 
     def events(self) -> Sequence[LoopEvent]:
-        """Wait half a second at most, and return what has happened.
-
-        Raises:
-            Stopped: a request to stop is pending.
-            VsnbenchError: no worker can run or record trials.
-        """
+        """Wait half a second at most, and return what has happened."""
         self._context.stop_requests.act_now()  # here, so that no report is interrupted half-way
         happened: list[LoopEvent] = []
         for event in self._pool.events(_WAIT_S):

@@ -10,7 +10,6 @@ import logging
 import os
 import re
 import socket
-import threading
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.text.sanitize import error_line
 
 KNOCK_TIMEOUT_S = 5.0
@@ -80,24 +80,17 @@ def connect(address: ClusterAddress) -> Any:
     import ray
 
     warnings.filterwarnings("ignore", module="ray")  # Ray raises an error for each of its warnings, too
-    failed: list[BaseException] = []
-
-    def initialize() -> None:
-        try:
-            ray.init(str(address), log_to_driver=False, logging_level=logging.ERROR)
-        except BaseException as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=initialize, name="ray", daemon=True)
-    thread.start()
-    thread.join(CONNECT_TIMEOUT_S)
-    if thread.is_alive():
+    try:
+        call_in_thread(
+            lambda: ray.init(str(address), log_to_driver=False, logging_level=logging.ERROR), CONNECT_TIMEOUT_S
+        )
+    except TimeLimitError as late:
         raise VsnbenchError(
             f"--workers {address}: the client server did not accept a driver within {CONNECT_TIMEOUT_S:.0f} s",
             advice="run `ray status` on the head node",
-        )
-    if failed:
-        raise refusal(address, failed[0])
+        ) from late
+    except Exception as error:
+        raise refusal(address, error) from error
     return ray
 
 
@@ -122,7 +115,7 @@ def _check_token(address: ClusterAddress) -> None:
             f"--workers {address}: the cluster requires a token, and RAY_AUTH_MODE is not set to 'token' here",
             advice="export RAY_AUTH_MODE=token RAY_AUTH_TOKEN_PATH=~/.ray-token (docs/scale.md)",
         )
-    token = _token()
+    token, source = _token()
     if not token:
         raise VsnbenchError(
             f"--workers {address}: the cluster requires a token, and none is set here",
@@ -130,7 +123,7 @@ def _check_token(address: ClusterAddress) -> None:
         )
     if _status(address, token) is grpc.StatusCode.UNAUTHENTICATED:
         raise VsnbenchError(
-            f"--workers {address}: the cluster rejects this token ({_token_source()})",
+            f"--workers {address}: the cluster rejects this token ({source})",
             advice="copy the head node's token file to this machine",
         )
 
@@ -149,21 +142,15 @@ def _status(address: ClusterAddress, token: str) -> Any:
     return None
 
 
-def _token() -> str:
-    """Return the token as Ray looks it up: the variable, the file that a variable names, then Ray's own file."""
+def _token() -> tuple[str, str]:
+    """Return the token and its source, as Ray looks them up: the variable, the file that a variable names, its own."""
     if token := os.environ.get("RAY_AUTH_TOKEN"):
-        return token.strip()
-    file = Path(os.environ.get("RAY_AUTH_TOKEN_PATH") or _DEFAULT_TOKEN_FILE).expanduser()
+        return token.strip(), "RAY_AUTH_TOKEN"
+    source = os.environ.get("RAY_AUTH_TOKEN_PATH") or str(_DEFAULT_TOKEN_FILE)
     try:
-        return file.read_text(encoding="utf-8").strip()
+        return Path(source).expanduser().read_text(encoding="utf-8").strip(), source
     except (OSError, UnicodeDecodeError):
-        return ""
-
-
-def _token_source() -> str:
-    if os.environ.get("RAY_AUTH_TOKEN"):
-        return "RAY_AUTH_TOKEN"
-    return os.environ.get("RAY_AUTH_TOKEN_PATH") or str(_DEFAULT_TOKEN_FILE)
+        return "", source
 
 
 def refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:

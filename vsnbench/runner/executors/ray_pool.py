@@ -17,12 +17,13 @@ from typing import Any
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.provenance import Provenance
+from vsnbench.runner.executors.capacity import ClusterRequest
 from vsnbench.runner.executors.collecting import TaskLost, TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.executors.plan_transfer import PackedSpec
 from vsnbench.runner.executors.ray_connection import ClusterAddress, connect
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec, open_trial_setup
-from vsnbench.text.sanitize import error_line
+from vsnbench.text.sanitize import counted, error_line
 
 logger = logging.getLogger(__name__)
 
@@ -45,21 +46,14 @@ class _Parcel:
 class RayTasks(TaskRunner):
     """Runs trials on a Ray cluster."""
 
-    def __init__(
-        self, spec: TrialSetupSpec, address: ClusterAddress, workers: int | None, gpus_each: float = 0.0
-    ) -> None:
+    def __init__(self, spec: TrialSetupSpec, request: ClusterRequest) -> None:
         """Connect, and have one worker make the trial setup.
-
-        Args:
-            spec: setup of every worker.
-            address: of the cluster.
-            workers: maximum number of trials at once; None for the number of cores.
-            gpus_each: share of a GPU that each worker holds.
 
         Raises:
             UsageError: Ray is not installed, or the spec is not consistent.
             VsnbenchError: the cluster does not answer in time, or runs another version.
         """
+        address, workers, gpus_each = request.address, request.workers, request.gpus_each
         spec = with_worker_device(spec, gpus_each)
         packed = PackedSpec.of(spec)
         self._ray = connect(address)
@@ -88,11 +82,7 @@ class RayTasks(TaskRunner):
         self._trials[self._run.remote(self._parcel, trial, seed)] = trial
 
     def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
-        """Return finished tasks.
-
-        Raises:
-            VsnbenchError: no worker can make the trial setup, or the cluster is lost.
-        """
+        """Return finished tasks."""
         finished: list[EpisodeBundle | TaskLost] = []
         try:
             ready, _ = self._ray.wait(list(self._trials), num_returns=1, timeout=timeout_s)
@@ -176,7 +166,7 @@ def _workers_text(places: int, requested: int | None, address: ClusterAddress, v
         if requested and requested > places
         else ""
     )
-    return f"{count} worker{'' if count == 1 else 's'} on {address}, Ray {version}{more}"
+    return f"{counted(count, 'worker')} on {address}, Ray {version}{more}"
 
 
 def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec:

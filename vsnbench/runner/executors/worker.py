@@ -5,11 +5,9 @@ worker ends when the driver does.
 """
 
 import queue
-import shlex
 import threading
 import time
 from contextlib import ExitStack
-from functools import partial
 from multiprocessing.connection import Connection
 from os import _exit as end_process_now
 
@@ -21,21 +19,10 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.runner.episode.depth_guard import get_ready
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
 from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.executors.messages import (
-    Acted,
-    Ended,
-    Free,
-    Order,
-    Prepare,
-    Prepared,
-    Refused,
-    Report,
-    RunTrial,
-    Stop,
-)
+from vsnbench.runner.executors.messages import Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
 from vsnbench.runner.loop.contract import ScheduledTrial
 from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode
@@ -49,11 +36,7 @@ REPORT_EVERY_S = 0.25
 
 
 def main(descriptor: str) -> None:
-    """Work until the driver sends a stop.
-
-    Args:
-        descriptor: file descriptor of the socket to the driver.
-    """
+    """Work for the driver at the socket with this file descriptor until it sends a stop."""
     with sanitized_output(), opened_log():
         _work(Connection(int(descriptor)))
 
@@ -111,7 +94,7 @@ class Worker:
                 self._stop.ask(order.request)
             self._orders.put(order)
 
-    def _prepare(self, spec: TrialSetupSpec, command: tuple[str, ...]) -> None:
+    def _prepare(self, spec: TrialSetupSpec, command: str) -> None:
         self._stack.close()
         self._setup = self._journal = None
         self._setup = self._stack.enter_context(open_trial_setup(spec))
@@ -123,7 +106,7 @@ class Worker:
         gpu = gpu_memory() if description.on_gpu and sessions is None else None
         self._connection.send(Prepared(description, own_bytes, gpu, sessions))
         # The driver opens the results database now; meanwhile this process loads what the first trial needs.
-        self._provenance = self._setup.provenance(shlex.join(command))
+        self._provenance = self._setup.provenance(command)
         _load_for_trials(description, spec)
 
     def _run(self, order: RunTrial) -> None:
@@ -134,16 +117,6 @@ class Worker:
             url = recording.results.database_url
             self._journal = self._stack.enter_context(Journal.open(url, self._provenance))
             self._journal.patience.gives_up = lambda: self._stop.session_ends
-        target = RecordingTarget(
-            self._journal,
-            recording.results,
-            setup.description.title,
-            setup.description.robot.profile,
-            recording.viewer,
-            recording.operator_name,
-            spec.keep,
-            own_thread=order.has_spare_cores,
-        )
         context = SessionContext(
             self._journal,
             _Reporter(self._connection, order),
@@ -153,7 +126,7 @@ class Worker:
             recording,
             spec.disturbances,
         )
-        model = DrivingModel(setup.policy, partial(EpisodeRecorderFanOut, target))
+        model = DrivingModel(setup.policy, setup.description.title)
         executor, trial = InProcessExecutor(context, setup.robot, SingleModel(model)), order.trial
         if executor.begin(ScheduledTrial(trial.campaign_id, trial.id)):
             executor.events()
@@ -185,9 +158,9 @@ class _Reporter(AbsentOperator):
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Report the outcome."""
         self._report()
-        self._connection.send(Ended(ended.number, self._order.trial, ended.outcome))
+        self._connection.send(EpisodeStored(ended.number, self._order.trial, ended.outcome))
 
     def _report(self) -> None:
         if self._unreported:
-            self._connection.send(Acted(self._unreported))
+            self._connection.send(ActionsTaken(self._unreported))
         self._unreported, self._reported_s = 0, time.monotonic()

@@ -1,9 +1,8 @@
 """An ended episode with everything that a decision about it needs."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.human_verdict import LONGEST_M
@@ -71,6 +70,7 @@ class Case:
         if episode.distance_to_goal_m is not None and episode.distance_source is not None:
             source = PoseSource(episode.distance_source)
             recorded = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "")
+        site = recorded_site(details)
         return cls(
             number=episode.id,
             goal=episode.goal,
@@ -78,8 +78,8 @@ class Case:
             ended_with=EndReason(details.ended_with),
             actions=episode.actions,
             parameters=ProtocolParameters.from_record(details.provenance.protocol),
-            longest_m=_longest_recorded_m(details.provenance.site_content),
-            measured_to=_measured_to(details.provenance.site_content, episode.goal),
+            longest_m=longest_distance_m(site) if site else LONGEST_M,
+            measured_to=reached_words(site, episode.goal) if site else f"nearest {episode.goal}",
             instance=details.goal_instance or "",
             proposal=_verdict(details.proposal),
             current_verdict=_verdict(details.current_verdict),
@@ -116,22 +116,12 @@ def longest_distance_m(site: Site) -> float:
     return min(LONGEST_M, math.hypot(max(xs) - min(xs), max(ys) - min(ys)))
 
 
-def _measured_to(content: Mapping[str, Any], goal: str) -> str:
-    from pydantic import ValidationError
-
+def recorded_site(details: EpisodeDetails) -> Site | None:
+    """Return the recorded site; None if it is damaged or, as in some imports, was never surveyed."""
     try:
-        return reached_words(Site.model_validate(content), goal)
-    except ValidationError:
-        return f"nearest {goal}"
-
-
-def _longest_recorded_m(content: Mapping[str, Any]) -> float:
-    from pydantic import ValidationError
-
-    try:
-        return longest_distance_m(Site.model_validate(content))
-    except ValidationError:  # an imported episode, whose site was never surveyed
-        return LONGEST_M
+        return Site.model_validate(details.provenance.site_content)
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        return None
 
 
 def _verdict(recorded: RecordedVerdict | None) -> Verdict | None:

@@ -12,16 +12,16 @@ from pathlib import Path
 from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details, list_episodes
-from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
+from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.rows import EpisodeDetails, EpisodeSummary
 from vsnbench.results.writing.judging import trial_of
-from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
+from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.decision import JudgingForm, decide
 from vsnbench.runner.loop.follow_up import REPEATABLE
 from vsnbench.runner.operator.prompts import AnsweredMeanwhileError, Choice, OperatorPrompts, QuestionKind
 from vsnbench.runner.operator.provider import OperatorSession
-from vsnbench.runner.operator.session_summary import session_summary
+from vsnbench.runner.operator.session_summary import ended_episodes, session_summary
 
 RECORD_TIMEOUT_S = 6.0
 _POLL_S = 0.02
@@ -58,13 +58,7 @@ class Corrections:
     def episodes(self) -> list[ShownEpisode]:
         """Return finished episodes, the latest first."""
         engine = self._journal.engine
-        found = [
-            episode
-            for campaign in self._campaign_ids
-            for episode in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
-            if episode.state in ENDED
-        ]
-        found.sort(key=lambda episode: episode.id, reverse=True)
+        found = sorted(ended_episodes(engine, self._campaign_ids), key=lambda episode: episode.id, reverse=True)
         older = (episode for episode in found[SHOWN:] if episode.state == EpisodeState.AWAITING)
         return [_shown(episode_details(engine, episode.id)) for episode in (*found[:SHOWN], *older)]
 

@@ -24,10 +24,9 @@ from vsnbench.results.second_judgements import (
     second_judgements,
 )
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.judging.case import Case
+from vsnbench.runner.judging.case import Case, recorded_site
 from vsnbench.runner.judging.decision import Answer, AnswerKind, decide
 from vsnbench.runner.operator.answers import MisreadError
-from vsnbench.sites.site import Site
 from vsnbench.sites.targets import goal_words
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.encoding.images import decode_picture
@@ -109,12 +108,7 @@ class SecondRating:
     def __init__(self, journal: Journal, results: ResultsDirectory, rater: str, sample: int | None, seed: int) -> None:
         """Choose the episodes.
 
-        Args:
-            journal: the record.
-            results: its directory.
-            rater: name of the rater.
-            sample: number of episodes, including answered ones; None for all.
-            seed: seed of sample and order.
+        `sample` is their number including answered ones, None for all; `seed` decides sample and order.
 
         Raises:
             UsageError: no episode can be judged a second time, or the rater is the first judge of all.
@@ -217,9 +211,5 @@ class SecondRating:
 
     def _episode(self, code: str) -> BlindEpisode:
         details = episode_details(self._journal.engine, self._number(code))
-        case = blind_case(details)
-        try:
-            goal = goal_words(Site.model_validate(details.provenance.site_content), case.goal)
-        except (ValueError, TypeError, AttributeError, RecursionError):  # an imported episode without a survey
-            goal = case.goal
-        return BlindEpisode(code, case, goal)
+        case, site = blind_case(details), recorded_site(details)
+        return BlindEpisode(code, case, goal_words(site, case.goal) if site else case.goal)

@@ -36,12 +36,7 @@ class VoidLimit:
     """Episodes that were running when the model was last lost: the loss of a shared server ends all of them."""
 
     def add(self, outcome: EpisodeOutcome, running: int = 0) -> str | None:
-        """Count a finished episode. Returns the reason to stop, or None to continue.
-
-        Args:
-            outcome: end of the episode.
-            running: number of episodes that still run in other workers.
-        """
+        """Count an episode that ended while `running` others run. Returns the reason to stop, or None to continue."""
         reason = outcome.verdict.end_reason
         is_same_loss, self._same_loss = self._same_loss > 0, max(self._same_loss - 1, 0)
         if reason.is_result:

@@ -19,16 +19,9 @@ PROPOSAL_ONLY = 1
 
 
 class RecordedOperator(EpisodeOperator):
-    """Passes calls on to the operator and records the answers."""
+    """Passes calls on to the operator and records the answers; `default_name` is their author if no other is known."""
 
     def __init__(self, journal: Journal, operator: Operator, default_name: str = "") -> None:
-        """Wrap an operator.
-
-        Args:
-            journal: where answers are recorded.
-            operator: the operator.
-            default_name: author of what no other name is known for.
-        """
         self._journal = journal
         self._operator = operator
         self._default_name = default_name

@@ -4,23 +4,11 @@ from dataclasses import dataclass
 
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.writing.journal import Journal
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.operator.contract import Operator
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import Site
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingOptions:
-    """Where episodes are recorded; plain values, which every worker receives."""
-
-    results: ResultsDirectory
-    viewer: EpisodeViewer | None = None
-    """Copies or shows the episodes."""
-    operator_name: str = ""
-    """Author of operator actions for which no other name is known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from enum import Enum
 
 from vsnbench.errors import UsageError
+from vsnbench.runner.operator.prompts import Choice
 
 _NOTHING = frozenset({"no", "n", "nothing", "none", "nope", "nil", "-", "no collision", "not at all", "0"})
 _LATER = frozenset({"later", "l", "skip"})
@@ -21,9 +22,6 @@ class TypedAnswer(Enum):
     """The operator does not judge now."""
     KEEP = "keep"
     """The estimate is right."""
-    GO = "go"
-    END = "end"
-    """The session ends."""
 
 
 class MisreadError(UsageError):
@@ -50,14 +48,14 @@ def parse_touched(answer: str) -> TypedAnswer | str:
     return text
 
 
-def parse_go(answer: str) -> TypedAnswer:
-    """Return `GO`, `LATER` to run another trial first, or `END`.
+def parse_go(answer: str) -> Choice:
+    """Return `GO`, `SKIP` to run another trial first, or `END`.
 
     Raises:
         MisreadError: the answer is none of these.
     """
     text = answer.strip().lower()
-    for texts, parsed in ((_GO, TypedAnswer.GO), (_LATER, TypedAnswer.LATER), (_END, TypedAnswer.END)):
+    for texts, parsed in ((_GO, Choice.GO), (_LATER, Choice.SKIP), (_END, Choice.END)):
         if text in texts:
             return parsed
     raise MisreadError("Enter alone to go, or skip, or end")

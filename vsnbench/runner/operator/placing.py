@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.errors import NotPlacedError, RobotError
+from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.localization.looks import DepthLook
 from vsnbench.localization.matching import PlacementMatcher
-from vsnbench.localization.overlay import ghost, ghost_png, laid_over
+from vsnbench.localization.overlay import ghost, laid_over
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.stopping.requests import StopRequests
@@ -25,7 +25,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import encode_jpeg, encode_png
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.observation import Observation, Sensor
-from vsnbench.values.placement import MeasuredPlacement, PlacementTolerance
+from vsnbench.values.placement import MeasuredPlacement
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,9 @@ class PlacementLook:
     @cached_property
     def ghost_png(self) -> bytes | None:
         """Edges of the expected view from the mark, as a transparent PNG of the same size."""
-        return None if self.observation is None else ghost_png(self.site, self.observation.camera, self.mark)
+        if self.observation is None:
+            return None
+        return encode_png(ghost(self.site, self.observation.camera, self.mark))
 
     def write_overlay(self, path: Path) -> None:
         """Write the robot's view with the edges of the expected view, as PNG.
@@ -107,11 +109,6 @@ class Placing:
         """The robot's own estimate of its pose at the measurement."""
 
     @property
-    def tolerance(self) -> PlacementTolerance:
-        """Allowed offset from the mark."""
-        return self._parameters.placement
-
-    @property
     def can_measure(self) -> bool:
         """Whether the robot has a depth camera."""
         return Sensor.DEPTH in self._robot.sensors
@@ -137,29 +134,22 @@ class Placing:
         Raises:
             Stopped: a request to end the session.
         """
-        return self._measured(())
+        return self._measured(turns=0)
 
-    def turn(self, progress: Callable[[int, int], None] | None = None) -> PlacementLook:
+    def turn(self) -> PlacementLook:
         """Turn around in place, look after each turn, and measure the robot's pose from all looks.
-
-        Args:
-            progress: called after each look with the number of looks so far and in total.
 
         Raises:
             Stopped: a request to end the session.
         """
-        count = max(1, round(360 / self._parameters.turn_deg))
-        steps = (Action.TURN_LEFT,) * count
-        return self._measured(steps, progress)
+        return self._measured(turns=max(1, round(360 / self._parameters.turn_deg)))
 
-    def _measured(self, steps: tuple[Action, ...], progress: Callable[[int, int], None] | None = None) -> PlacementLook:
+    def _measured(self, turns: int) -> PlacementLook:
         if not self._carried:
             self.moved()
         self.last = None
         try:
-            self.last = self._looked(steps, progress)
-        except NotPlacedError as error:
-            self.last = self._look_of(None, problem=str(error))
+            self.last = self._looked(turns)
         except RobotError as error:
             logger.debug("the placing could not be measured", exc_info=error)
             self.last = self._look_of(None, problem=str(error))
@@ -167,17 +157,15 @@ class Placing:
             self._robot.halt()
         return self.last
 
-    def _looked(self, steps: tuple[Action, ...], progress: Callable[[int, int], None] | None) -> PlacementLook:
+    def _looked(self, turns: int) -> PlacementLook:
         robot = self._robot
         looks: list[DepthLook] = []
         with self._stop.interruptible():
             robot.begin(self.start, self._seed)
             observation = robot.observe()
             _add_depth(observation, looks)
-            for number, step in enumerate(steps, start=1):
-                if progress is not None:
-                    progress(number, len(steps) + 1)
-                result = robot.execute(step)
+            for _ in range(turns):
+                result = robot.execute(Action.TURN_LEFT)
                 if not result.completed:
                     why = (
                         result.failure or f"it touched {result.collision.touched if result.collision else 'something'}"
@@ -186,13 +174,11 @@ class Placing:
                 observation = robot.observe()
                 _add_depth(observation, looks)
             self._stood = robot.locate().pose
-        if progress is not None:
-            progress(len(steps) + 1, len(steps) + 1)
         if not looks:
             return self._look_of(observation, problem="it has no depth image to measure from: place it by eye")
         if self._matcher is None:
             self._matcher = PlacementMatcher(self._site, observation.camera)
-        return self._look_of(observation, self._matcher.measure(self.start, looks, self.tolerance))
+        return self._look_of(observation, self._matcher.measure(self.start, looks, self._parameters.placement))
 
     def _look_of(
         self, observation: Observation | None, measured: MeasuredPlacement | None = None, problem: str = ""

@@ -1,11 +1,9 @@
 """Progress of a campaign at the terminal: a bar with the success rate, and a line per episode."""
 
 import sys
-from abc import abstractmethod
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 from rich.markup import escape
@@ -42,18 +40,11 @@ NO_TRIALS = TrialCounts(0)
 _STYLE = {True: "green", False: "red", None: "yellow"}
 
 
-class TerminalDisplay(Display):
-    """A display that makes room for a question."""
+class CampaignProgress(Display):
+    """A progress bar on stderr while the context is entered; plain lines where stderr is not a terminal.
 
-    console: Console
-
-    @abstractmethod
-    def paused(self) -> AbstractContextManager[None]:
-        """Hide the progress bar while the operator types."""
-
-
-class CampaignProgress(TerminalDisplay):
-    """A progress bar on stderr; plain lines where stderr is not a terminal."""
+    `other_trials` are those of the sweep's other campaigns, and `first_line` is shown above the bar.
+    """
 
     def __init__(
         self,
@@ -65,16 +56,6 @@ class CampaignProgress(TerminalDisplay):
         other_trials: TrialCounts = NO_TRIALS,
         first_line: str = "",
     ) -> None:
-        """Prepare the bar; entering the context shows it.
-
-        Args:
-            label: model and site.
-            trials: trials of this campaign.
-            parameters: limits of an episode.
-            shows_actions: show the model's actions.
-            other_trials: trials of the sweep's other campaigns.
-            first_line: shown above the bar.
-        """
         self.console = Console(file=sys.stderr, highlight=False)
         narrow = self.console.width < 100
         bar_label = "" if narrow or len(label) > MAX_LABEL else label
@@ -112,9 +93,7 @@ class CampaignProgress(TerminalDisplay):
             self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
     def _rate(self) -> str:

@@ -98,11 +98,18 @@ class Question:
 class OperatorPrompts:
     """The questions of one session and their answers; safe to use from any thread."""
 
-    def __init__(self, terminal: int | None = None) -> None:
+    def __init__(
+        self,
+        terminal: int | None = None,
+        halt: Callable[[], None] = lambda: None,
+        request_stop: Callable[[StopRequest], None] = lambda _request: None,
+    ) -> None:
         """Start without a question.
 
         Args:
             terminal: file descriptor of the terminal for typed answers; None if there is none.
+            halt: halts the robot, from any thread; returns when it is at rest.
+            request_stop: requests a stop, from any thread.
         """
         self._lock = threading.RLock()
         self._terminal = terminal
@@ -114,8 +121,8 @@ class OperatorPrompts:
         # Not from 1: a browser that outlives a killed run must not answer a question that it does not show.
         self._last = secrets.randbelow(2**30)
         self._paused_by = ""
-        self._halt: Callable[[], None] = lambda: None
-        self._request_stop: Callable[[StopRequest], None] = lambda _request: None
+        self.halt = halt
+        self._request_stop = request_stop
         self.state = SessionState()
         self.driving = False
         """The robot may drive: from the operator's go to the end of the episode."""
@@ -143,10 +150,6 @@ class OperatorPrompts:
         self._paused_by = author
         self.notify()
 
-    def connect(self, halt: Callable[[], None], request_stop: Callable[[StopRequest], None]) -> None:
-        """Set the functions that halt the robot and request a stop, both callable from any thread."""
-        self._halt, self._request_stop = halt, request_stop
-
     def end_episode(self, author: str, means: str) -> bool:
         """Request the end of the running episode, without waiting. Call `halt` afterwards.
 
@@ -159,10 +162,6 @@ class OperatorPrompts:
         if driving:
             self._request_stop(StopRequest(StopAuthor.PERSON, means, Ends.EPISODE, who=author))
         return driving
-
-    def halt(self) -> None:
-        """Halt the robot; returns when it is at rest."""
-        self._halt()
 
     @contextmanager
     def ask(self, kind: QuestionKind, problem: str = "") -> Iterator[Question]:

@@ -61,7 +61,7 @@ class OperatorPageServer(Protocol):
     """Serves the operator's prompts to browsers."""
 
     def serve(self, prompts: OperatorPrompts, session: OperatorSession) -> AbstractContextManager[str]:
-        """Serve while the context is entered. The context's value says where, for the terminal."""
+        """Serve while the context is entered. Its value is the text about the address that the terminal shows."""
         ...
 
 
@@ -114,8 +114,8 @@ class TerminalOperatorProvider(OperatorProvider):
             stack.callback(session.journal.clear_operator)
             emergency = stack.enter_context(EmergencyStop(session.halt, session.stop_requests.ask))
             session.stop_requests.last_acts.append(emergency.restore_terminal)
-            prompts = OperatorPrompts(sys.stdin.fileno() if sys.stdin.isatty() else None)
-            prompts.connect(session.halt, session.stop_requests.ask)
+            terminal = sys.stdin.fileno() if sys.stdin.isatty() else None
+            prompts = OperatorPrompts(terminal, session.halt, session.stop_requests.ask)
             prompts.show_message = progress.say
             state = prompts.state
             state.shows_actions, state.robot_radius_m = not session.is_blind, session.robot_radius_m

@@ -11,11 +11,10 @@ from vsnbench.protocol.carry_path import carry_path
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.limits import Spent
 from vsnbench.robots.contract import BatteryReader
-from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.episode.step import Step
 from vsnbench.runner.operator.contract import EndedEpisode, Upcoming
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.values.battery import Battery, course_of
-from vsnbench.values.fix import Fix
 from vsnbench.values.pose import Pose
 
 
@@ -107,9 +106,8 @@ class SessionState:
         """Register that the operator let the robot drive."""
         self.began_at, self.steps, self.spent = datetime.now(UTC), [], Spent()
 
-    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
+    def step_taken(self, step: Step) -> None:
         """Add an action, and the image before it."""
-        del plan
         action = step.decision.action.value if self.shows_actions else ""
         self.steps.append(ShownStep(action, step.blocked, step.after.pose))
         self.left_at, self.spent = step.after.pose, step.spent
@@ -119,6 +117,5 @@ class SessionState:
         """Set the last finished episode."""
         self.ended, self.began_at = ended, None
         self.done += ended.outcome.verdict.end_reason.is_result
-        final: Fix | None = ended.outcome.final
-        if final is not None:
+        if (final := ended.outcome.final) is not None:
             self.left_at = final.pose

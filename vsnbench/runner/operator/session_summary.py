@@ -5,11 +5,25 @@ from collections.abc import Sequence
 from sqlalchemy import Engine
 
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.rows import EpisodeFilter, EpisodeSummary
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.results.writing.sessions import interventions_in
 from vsnbench.runner.operator.session_state import SessionState
 from vsnbench.text.sanitize import duration_text
+
+
+def ended_episodes(engine: Engine, campaign_ids: Sequence[int]) -> list[EpisodeSummary]:
+    """Return the finished episodes of some campaigns, by any process.
+
+    Raises:
+        RecordError: the results cannot be read.
+    """
+    return [
+        episode
+        for campaign in campaign_ids
+        for episode in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
+        if episode.state in ENDED
+    ]
 
 
 def session_summary(engine: Engine, campaign_ids: Sequence[int], state: SessionState) -> list[tuple[str, str]]:
@@ -18,12 +32,7 @@ def session_summary(engine: Engine, campaign_ids: Sequence[int], state: SessionS
     Raises:
         RecordError: the results cannot be read.
     """
-    episodes = [
-        episode
-        for campaign in campaign_ids
-        for episode in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
-        if episode.state in ENDED
-    ]
+    episodes = ended_episodes(engine, campaign_ids)
     judged = [episode for episode in episodes if episode.state == EpisodeState.JUDGED]
     driven_s = sum(episode.duration_s or 0.0 for episode in episodes)
     driven_m = sum(episode.path_length_m or 0.0 for episode in episodes)

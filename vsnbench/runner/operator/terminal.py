@@ -37,7 +37,7 @@ from vsnbench.runner.operator.contract import (
     Upcoming,
 )
 from vsnbench.runner.operator.placing import Placing
-from vsnbench.runner.operator.progress import TerminalDisplay
+from vsnbench.runner.operator.progress import CampaignProgress
 from vsnbench.runner.operator.prompts import (
     UNKNOWN_OPERATOR,
     AnsweredMeanwhileError,
@@ -100,12 +100,11 @@ class TerminalOperator(AbsentOperator):
 
     def __init__(
         self,
-        display: TerminalDisplay,
+        display: CampaignProgress,
         emergency: EmergencyStop,
         stop: StopRequests,
         prompts: OperatorPrompts,
         duties: OperatorDuties | None = None,
-        read_line: Callable[[], str] | None = None,
     ) -> None:
         super().__init__(display)
         self._console = display.console
@@ -114,7 +113,6 @@ class TerminalOperator(AbsentOperator):
         self._stop = stop
         self._prompts = prompts
         self._duties = duties or OperatorDuties()
-        self._read_line = read_line or prompts.read_line
         self._started_by = ""
         self.repeats_void_trials = self._duties.has_page
 
@@ -131,13 +129,13 @@ class TerminalOperator(AbsentOperator):
             with self._question(QuestionKind.BEGIN) as question:
                 plan = upcoming.plan
                 self._console.print(f"Next: [bold]{plan.goal} from starting position {plan.start.number}[/bold]")
-                reply = self._first_reply(question, lambda: self._ask_go("Enter to go (skip / end): "))
+                reply = self._first_reply(question, lambda: self._ask_until("Enter to go (skip / end): ", parse_go))
             self._start(reply)
         self._prompts.notify()
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Show the action."""
-        self._prompts.state.step_taken(plan, step)
+        self._prompts.state.step_taken(step)
         super().step_taken(plan, step)
         self._prompts.notify()
 
@@ -176,7 +174,7 @@ class TerminalOperator(AbsentOperator):
         self._prompts.state.upcoming = None
         with self._question(QuestionKind.FINISH) as question:
             self._console.print("No trial is left. The page still takes corrections.")
-            reply = self._first_reply(question, lambda: self._ask_go("Enter ends the session: ", Choice.END))
+            reply = self._first_reply(question, self._ask_end)
         return self.trials_to_repeat() if reply.answer is Choice.AGAIN else ()
 
     def judge(self, ended: EndedEpisode) -> Judgement | None:
@@ -236,10 +234,9 @@ class TerminalOperator(AbsentOperator):
             raise SessionEndedError(f"{reply.author or UNKNOWN_OPERATOR} ended the session at {reply.source}")
         self._started_by = reply.author
 
-    def _ask_go(self, prompt: str, go: Choice = Choice.GO) -> Choice:
-        later = Choice.SKIP if go is Choice.GO else go
-        choices = {TypedAnswer.GO: go, TypedAnswer.LATER: later, TypedAnswer.END: Choice.END}
-        return choices[self._ask_until(prompt, parse_go)]
+    def _ask_end(self) -> Choice:
+        self._ask_until("Enter ends the session: ", parse_go)
+        return Choice.END
 
     def _ask_judgement(self, case: Case) -> Judgement | None:
         """Ask the questions that a case needs; return None for later."""
@@ -303,7 +300,7 @@ class TerminalOperator(AbsentOperator):
             try:
                 discard_typed()
                 self._console.print(prompt, end="", markup=False, soft_wrap=True)
-                return self._read_line()
+                return self._prompts.read_line()
             except (EOFError, OSError):
                 leave_dead_terminal()
                 raise Stopped(

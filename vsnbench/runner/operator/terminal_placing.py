@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rich.markup import escape
 
-from vsnbench.runner.operator.answers import MisreadError, TypedAnswer, parse_go
+from vsnbench.runner.operator.answers import MisreadError, parse_go
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.operator.prompts import Choice, OperatorPrompts
 from vsnbench.text.terminal import Console
@@ -17,21 +17,15 @@ _QUESTION = "Enter to go; or c check it (again), t turn around and check, m move
 _PROPOSE_TURN = "t to turn around and check; Enter to go anyway; or c check it again, m moved it: "
 """Asked where one look does not determine the pose."""
 _ACTIONS = {"c": LOOK, "check": LOOK, "t": TURN, "turn": TURN, "m": MOVED, "moved": MOVED}
-_CHOICES = {TypedAnswer.GO: Choice.GO, TypedAnswer.LATER: Choice.SKIP, TypedAnswer.END: Choice.END}
 
 
 class TerminalPlacing:
-    """One placement at the terminal; also carries out the actions that browsers request, in the main thread."""
+    """One placement at the terminal; also carries out the actions that browsers request, in the main thread.
+
+    `ask` prints a question and returns the typed answer.
+    """
 
     def __init__(self, placing: Placing, console: Console, ask: Callable[[str], str], prompts: OperatorPrompts) -> None:
-        """Start a placement.
-
-        Args:
-            placing: measures the robot at its mark.
-            console: where measurements are printed.
-            ask: prints a question and returns the typed answer.
-            prompts: where measurements are shown to browsers.
-        """
         self._placing = placing
         self._console = console
         self._ask = ask
@@ -51,7 +45,7 @@ class TerminalPlacing:
                 self.carry_out(_ACTIONS[answer])
                 continue
             try:
-                choice = _CHOICES[parse_go(answer)]
+                choice = parse_go(answer)
             except MisreadError as error:
                 self._console.print(f"[yellow]{escape(str(error))}[/yellow]")
                 continue

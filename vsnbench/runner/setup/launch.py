@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -16,14 +16,14 @@ from vsnbench.results.studies.queries import study_that_claims
 from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
-from vsnbench.runner.executors.backends import Backend, open_backend
+from vsnbench.runner.episode.recorder import RecordingOptions
+from vsnbench.runner.executors.backends import open_backend
 from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
 from vsnbench.runner.executors.local_pool import SharedWorkers
 from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
 from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, FollowUpRules, VoidLimit
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
-from vsnbench.runner.operator.contract import Operator
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -76,11 +76,7 @@ def launch(
 ) -> Launched:
     """Run the remaining trials of a campaign.
 
-    Args:
-        request: the campaign.
-        operators: provides the operator.
-        viewer: shows or copies the episodes, where copies are kept.
-        shared: workers that other campaigns use as well.
+    `viewer` shows or copies the episodes, where copies are kept; `shared` are workers that other campaigns use as well.
 
     Raises:
         UsageError: something named does not exist or does not fit together; nothing was written.
@@ -141,8 +137,9 @@ def launch(
         stop_requests.last_acts.append(backend.halt)
         journal.patience.gives_up = lambda: stop_requests.session_ends
         outcomes = journal.campaign_progress(campaign).outcomes
+        disturbed = f" with {request.disturbances.text}" if request.disturbances else ""
         session = OperatorSession(
-            label=f"{description.card.name} in {site.name}{_disturbed(request)}",
+            label=f"{description.card.name} in {site.name}{disturbed}",
             trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
             parameters=parameters,
             needs_operator=description.needs_operator,
@@ -161,36 +158,18 @@ def launch(
             ),
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
-        recording = RecordingOptions(request.results, viewer, provenance.operator)
-
-        def context_of(operator: Operator) -> SessionContext:
-            return SessionContext(journal, operator, stop_requests, site, parameters, recording, request.disturbances)
-
-        result = _run_session(session, operators, backend, campaign, context_of, limit)
+        recording = RecordingOptions(request.results, viewer, provenance.operator, request.files_to_keep)
+        with operators.attend(session) as operator:
+            context = SessionContext(
+                journal, operator, stop_requests, site, parameters, recording, request.disturbances
+            )
+            rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
+            source = CampaignSource(journal, campaign, rules)
+            stop_reason = run(source, backend.executor(context, campaign), operator)
+            result = SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
     if stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
         stop_requests.act_now()
     return Launched(campaign, result)
-
-
-def _run_session(
-    session: OperatorSession,
-    operators: OperatorProvider,
-    backend: Backend,
-    campaign: OpenCampaign,
-    context_of: Callable[[Operator], SessionContext],
-    limit: VoidLimit,
-) -> SessionResult:
-    journal = session.journal
-    with operators.attend(session) as operator:
-        rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
-        executor = backend.executor(context_of(operator), campaign)
-        stop_reason = run(CampaignSource(journal, campaign, rules), executor, operator)
-        return SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
-
-
-def _disturbed(request: RunRequest) -> str:
-    """Return the disturbances for a session's label; empty without any."""
-    return f" with {request.disturbances.text}" if request.disturbances else ""
 
 
 def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:

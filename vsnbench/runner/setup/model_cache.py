@@ -2,87 +2,74 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 import psutil
 
-from vsnbench.models.contract import Policy
+from vsnbench.runner.executors.in_process import DrivingModel, ModelProvider
 from vsnbench.runner.setup.trial_setup import close_policy
 
 SHARE_OF_MEMORY = 0.5
 """Default share of the machine's memory for all models together."""
 
 
-def default_limit_bytes() -> int:
-    """Return the default memory for the models of a study together."""
-    return int(SHARE_OF_MEMORY * psutil.virtual_memory().total)
-
-
-class ModelCache:
-    """Policies by the name of their arm; a context manager that closes them."""
+class ModelCache(ModelProvider):
+    """Models by the name of their arm; a context manager that closes them."""
 
     def __init__(
         self,
-        load: Callable[[str], Policy],
+        load: Callable[[str], DrivingModel],
         limit_bytes: int | None = None,
         measure: Callable[[], int] = lambda: int(psutil.Process().memory_info().rss),
     ) -> None:
         """Start empty.
 
         Args:
-            load: loads the policy of an arm.
+            load: loads the model of an arm.
             limit_bytes: memory for the loaded models together; None for half of the machine's.
             measure: returns the memory of this process.
         """
         self._load = load
-        self._limit = default_limit_bytes() if limit_bytes is None else limit_bytes
+        self._limit = int(SHARE_OF_MEMORY * psutil.virtual_memory().total) if limit_bytes is None else limit_bytes
         self._measure = measure
-        self._policies: OrderedDict[str, Policy] = OrderedDict()
+        self._models: OrderedDict[str, DrivingModel] = OrderedDict()
         self._sizes: dict[str, int] = {}
         """Growth of the process by each model that was loaded, in bytes."""
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for arm in list(self._policies):
+    def __exit__(self, *error: object) -> None:
+        for arm in list(self._models):
             self.drop(arm)
 
     @property
     def loaded(self) -> tuple[str, ...]:
         """Arms whose models are loaded, the least recently used first."""
-        return tuple(self._policies)
+        return tuple(self._models)
 
-    def take(self, arm: str) -> Policy:
-        """Return the policy of an arm, loaded if necessary; may close others.
-
-        Raises:
-            VsnbenchError: the policy cannot be loaded.
-        """
-        if arm in self._policies:
-            self._policies.move_to_end(arm)
-            return self._policies[arm]
-        self._make_room(self._sizes.get(arm, 0))
+    def take(self, model: str) -> DrivingModel:
+        """Return the model of an arm, loaded if necessary; may close others."""
+        if model in self._models:
+            self._models.move_to_end(model)
+            return self._models[model]
+        self._make_room(self._sizes.get(model, 0))
         before = self._measure()
-        policy = self._load(arm)
-        self._sizes[arm] = max(self._sizes.get(arm, 0), self._measure() - before, 0)
-        self._policies[arm] = policy
+        loaded = self._load(model)
+        self._sizes[model] = max(self._sizes.get(model, 0), self._measure() - before, 0)
+        self._models[model] = loaded
         self._make_room(0)
-        return policy
+        return loaded
 
-    def drop(self, arm: str) -> None:
+    def drop(self, model: str) -> None:
         """Close a model. It is loaded again when it is needed."""
-        policy = self._policies.pop(arm, None)
-        if policy is not None:
-            close_policy(policy)
+        if dropped := self._models.pop(model, None):
+            close_policy(dropped.policy)
 
     def _make_room(self, wanted: int) -> None:
         """Close models until the others and a new one fit into the limit; the newest stays."""
-        while len(self._policies) > (0 if wanted else 1) and self._taken() + wanted > self._limit:
-            self.drop(next(iter(self._policies)))
+        while len(self._models) > (0 if wanted else 1) and self._taken() + wanted > self._limit:
+            self.drop(next(iter(self._models)))
 
     def _taken(self) -> int:
-        return sum(self._sizes[arm] for arm in self._policies)
+        return sum(self._sizes[arm] for arm in self._models)

@@ -23,13 +23,7 @@ def plan_trials(
     repetitions: int,
     excluded: Container[tuple[str, int]] = (),
 ) -> tuple[PlannedTrial, ...]:
-    """Return goals x starting positions x repetitions in the order of running.
-
-    Args:
-        goals: goal categories.
-        starts: numbers of starting positions.
-        repetitions: number of trials of each goal from each start.
-        excluded: pairs of goal and starting position to leave out (`Site.excluded`).
+    """Return goals x starting positions x repetitions in the order of running, without `Site.excluded` pairs.
 
     Raises:
         UsageError: no trial is left.
@@ -51,16 +45,10 @@ def plan_trials(
 
 
 def choose_goals(requested: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:
-    """Return the goals of a campaign, checked against the site and the model.
+    """Return the goals of a campaign, each once, checked against the site and the model.
 
-    Args:
-        requested: ids of goals and categories of the site, separated by commas or as items; `all` means every goal
-            category of the paper that the site has and the model knows.
-        site: the site.
-        card: card of the model.
-
-    Returns:
-        Ids and categories, each once.
+    `requested` has ids of goals and categories of the site, separated by commas or as items; `all` means every goal
+    category of the paper that the site has and the model knows.
 
     Raises:
         UsageError: the site lacks a goal (`unknown-goal`), or the model cannot take it (`unknown-goal`, `goal-kind`).
@@ -113,12 +101,7 @@ def _has(site: Site, name: str) -> bool:
 def check_goal_starts(goals: Sequence[str], starts: Sequence[int], site: Site) -> None:
     """Check that each goal that holds for some starting positions only has trials from the requested ones.
 
-    Logs a warning if a goal has trials from a part of them.
-
-    Args:
-        goals: ids and categories, or `all`.
-        starts: requested numbers of starting positions.
-        site: the site.
+    Logs a warning if a goal has trials from a part of them. The goals are ids and categories, or `all`.
 
     Raises:
         UsageError: a goal has none (`goal-start`).

@@ -35,13 +35,18 @@ MOST_CAMPAIGNS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
-    """The campaigns of a sweep in the order of running, with their maximum numbers of trials."""
+class PlannedCampaign:
+    """A campaign of a sweep."""
 
-    requests: tuple[RunRequest, ...]
-    trials: tuple[int, ...]
-    site_names: tuple[str, ...]
-    """Name of each campaign's site in the results."""
+    request: RunRequest
+    trials: int
+    """Maximum number of trials."""
+    site_name: str
+    """Name of its site in the results."""
+
+
+Sweep = tuple[PlannedCampaign, ...]
+"""The campaigns of a sweep in the order of running."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +77,8 @@ class Swept:
 def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str]) -> Sweep:
     """Return the campaigns of every model, site and seed, after checking what can be checked now.
 
-    Seeds vary slowest, so that a sweep stopped half-way has results of every model and site.
-
-    Args:
-        request: options that the campaigns share.
-        models: names of models.
-        seeds: one campaign per seed.
-        sites: names of sites, paths of site files, and generated sites as `flat:7`.
+    Seeds vary slowest, so that a sweep stopped half-way has results of every model and site. Sites are names, paths of
+    site files, and generated sites as `flat:7`; `request` has the options that the campaigns share.
 
     Raises:
         UsageError: something named does not exist or does not fit together.
@@ -98,43 +98,33 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
     named_goals(request.goals)
     if (count := len(seeds) * len(sites) * len(models)) > MOST_CAMPAIGNS:
         raise UsageError(f"that is {count:,} campaigns, more than {MOST_CAMPAIGNS:,}", advice="sweep a part of it")
-    trials: dict[str, int] = {}
-    site_names: dict[str, str] = {}
+    at_site: dict[str, PlannedCampaign] = {}
     sample: Site | None = None
     for place in sites:
-        if place.startswith(FLAT) and sample is not None:
-            site = sample  # an estimate: each site is generated when its campaign begins
-            site_names[place] = f"flat-{place.removeprefix(FLAT)}"
+        is_generated = place.startswith(FLAT)
+        if is_generated and sample is not None:
+            site, name = sample, f"flat-{place.removeprefix(FLAT)}"  # each is generated when its campaign begins
         else:
             site = named_site(place)
-            sample = site if place.startswith(FLAT) else sample
-            site_names[place] = site.name
-        trials[place] = (
-            _max_goals(request.goals, site, generated=place.startswith(FLAT) and len(sites) > 1)
-            * len(choose_starts(request.starts, site))
-            * request.repetitions
-        )
-    requests = tuple(
-        replace(
-            request, model=model, site=place, seed=seed, skips_absent_goals=place.startswith(FLAT) and len(sites) > 1
-        )
+            name, sample = site.name, site if is_generated else sample
+        may_lack_goals = is_generated and len(sites) > 1
+        goals, starts = _max_goals(request.goals, site, generated=may_lack_goals), choose_starts(request.starts, site)
+        here = replace(request, site=place, skips_absent_goals=may_lack_goals)
+        at_site[place] = PlannedCampaign(here, goals * len(starts) * request.repetitions, name)
+    return tuple(
+        replace(at_site[place], request=replace(at_site[place].request, model=model, seed=seed))
         for seed in seeds
         for place in sites
         for model in models
     )
-    return Sweep(
-        requests,
-        tuple(trials[request.site] for request in requests),
-        tuple(site_names[request.site] for request in requests),
-    )
 
 
 def with_disturbances(sweep: Sweep, conditions: Sequence[Disturbances]) -> Sweep:
-    """Return a sweep with every campaign under every one of some conditions, in their order."""
-    return Sweep(
-        tuple(replace(request, disturbances=condition) for request in sweep.requests for condition in conditions),
-        tuple(trials for trials in sweep.trials for _ in conditions),
-        tuple(name for name in sweep.site_names for _ in conditions),
+    """Return a sweep with every campaign under every condition, in their order."""
+    return tuple(
+        replace(campaign, request=replace(campaign.request, disturbances=condition))
+        for campaign in sweep
+        for condition in conditions
     )
 
 
@@ -159,16 +149,18 @@ def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
     left = done = 0
     seconds = 0.0
     known_of: dict[str, int] = {}
-    for request, trials, site in zip(sweep.requests, sweep.trials, sweep.site_names, strict=True):
-        has = min(trials, throughput.done.get((request.model, site, request.seed, request.disturbances.text), 0))
+    for campaign in sweep:
+        request = campaign.request
+        condition = request.model, campaign.site_name, request.seed, request.disturbances.text
+        has = min(campaign.trials, throughput.done.get(condition, 0))
         done += has
-        left += trials - has
+        left += campaign.trials - has
         mean_s, episodes = throughput.seconds.get(request.model, (UNKNOWN_PACE_S, 0))
         known_of[request.model] = episodes
-        seconds += (trials - has) * mean_s
-    workers = sweep.requests[0].workers.count or Capacity.of_this_machine().cores
-    starting_s = STARTUP_S + NEXT_STARTUP_S * (len(sweep.requests) - 1)
-    return Cost(len(sweep.requests), left + done, done, seconds / workers + starting_s, workers, sum(known_of.values()))
+        seconds += (campaign.trials - has) * mean_s
+    workers = sweep[0].request.workers.count or Capacity.of_this_machine().cores
+    starting_s = STARTUP_S + NEXT_STARTUP_S * (len(sweep) - 1)
+    return Cost(len(sweep), left + done, done, seconds / workers + starting_s, workers, sum(known_of.values()))
 
 
 def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer | None = None) -> Iterator[Swept]:
@@ -179,10 +171,11 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    total, before = sum(sweep.trials), 0
+    total, before = sum(campaign.trials for campaign in sweep), 0
     with SharedWorkers() as shared:
-        for number, (request, trials) in enumerate(zip(sweep.requests, sweep.trials, strict=True), start=1):
-            label = f"{number}/{len(sweep.requests)} seed {request.seed}"
+        for number, campaign in enumerate(sweep, start=1):
+            request = campaign.request
+            label = f"{number}/{len(sweep)} seed {request.seed}"
             in_sweep = _SweepOperators(operators, label, before, total)
             try:
                 yield Swept(request, launch(request, in_sweep, viewer, shared))
@@ -192,7 +185,7 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
             except VsnbenchError as error:
                 logger.warning("%s: %s", request.label, error)
                 yield Swept(request, None, str(error))
-            before += trials
+            before += campaign.trials
 
 
 @dataclass(frozen=True, slots=True)

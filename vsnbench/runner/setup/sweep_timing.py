@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 def untimed_models(sweep: Sweep, throughput: Throughput) -> list[str]:
     """Return the models of a sweep without recorded episodes."""
-    models = dict.fromkeys(request.model for request in sweep.requests)
+    models = dict.fromkeys(campaign.request.model for campaign in sweep)
     return [model for model in models if model not in throughput.seconds]
 
 
@@ -37,7 +37,7 @@ def time_models(sweep: Sweep, throughput: Throughput, operators: OperatorProvide
     """
     seconds = dict(throughput.seconds)
     for model in untimed_models(sweep, throughput):
-        request = next(request for request in sweep.requests if request.model == model)
+        request = next(campaign.request for campaign in sweep if campaign.request.model == model)
         with ScratchDirectory("timing") as scratch:
             results = ResultsDirectory.locate(scratch.path / "results", environment={})
             for trial in _single_trials(request, named_site(request.site), results):

@@ -135,11 +135,7 @@ class TrialSetup:
     """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     def provenance(self, command: str | None = None) -> Provenance:
-        """Describe this process and the device that the model uses.
-
-        Args:
-            command: command line of the driver, if this is a worker.
-        """
+        """Describe this process and the device that the model uses; a worker gives the driver's command line."""
         here = gather_provenance(of_run=True)
         runs_on = {f"model_{name}": str(value) for name, value in self.policy.card.runs_on.items()}
         threads = {"compute_threads": str(COMPUTE_THREADS)} if self.description.robot.simulated else {}

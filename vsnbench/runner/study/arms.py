@@ -50,11 +50,8 @@ class StudyPlace:
     def of(cls, study: StudyFile, directory: Path, locked_sha256: str | None = None) -> "StudyPlace":
         """Read the site and draw the schedule.
 
-        Args:
-            study: the plan.
-            directory: directory of its file.
-            locked_sha256: fingerprint of the locked schedule; None before the lock. If no schedule of the study has
-                it, the result has the schedule that would be drawn now.
+        `locked_sha256` is the fingerprint of the locked schedule, None before the lock. If no schedule of the study has
+        it, the result has the schedule that would be drawn now.
 
         Raises:
             StudyError: the site lacks a goal or a starting position of the study.

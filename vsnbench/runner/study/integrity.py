@@ -34,18 +34,23 @@ def check_integrity(
 ) -> StudyIntegrity:
     """Compare a study with its lock, its log and the random draw.
 
-    Args:
-        recorded: the study as the record holds it.
-        evidence: its schedule, log and ended episodes.
-        plan: the plan in the record.
-        note: the file that `study lock` wrote; None where there is none.
+    `plan` is the plan in the record, and `note` the file that `study lock` wrote, None where there is none.
     """
     check = _Check(recorded, evidence, plan, note)
     differences = (*check.plan_differences(), *check.schedule_differences(), *check.log_differences())
     return StudyIntegrity(tuple(dict.fromkeys(differences)), tuple(check.remarks()))
 
 
-_OUTCOME_FIELDS = {"episode", "arm", "goal", "start", "repetition", "state", "verdicts", "verdict"}
+_OUTCOME_FIELDS = {
+    "episode": str,
+    "arm": str,
+    "goal": str,
+    "start": int,
+    "repetition": int,
+    "state": str,
+    "verdicts": int,
+    "verdict": dict | None,
+}
 
 
 class _Check:
@@ -61,8 +66,8 @@ class _Check:
         self.logged_entries: list[Mapping[str, Any]] = []
         for event in evidence.log:
             content = _content(event)
-            if event.kind == OUTCOME and content.keys() >= _OUTCOME_FIELDS:
-                self.outcomes.setdefault(str(content["episode"]), []).append(content)
+            if event.kind == OUTCOME and _is_outcome(content):
+                self.outcomes.setdefault(content["episode"], []).append(content)
             elif event.kind == ENTRY and isinstance(entry := content.get("entry"), dict):
                 self.logged_entries.append(entry)
                 if entry.get("kind") == LOCK:
@@ -104,8 +109,7 @@ class _Check:
             yield f"the schedule's hash is {noted[:12]} in the lock file and was {min(logged)[:12]} by the log"
         if locked and recorded.schedule_sha256 not in locked:
             yield f"the schedule's hash was {min(locked)[:12]} and is {recorded.schedule_sha256[:12]}"
-        for was in self.locks[:1]:
-            yield from self._arm_differences(was.get("arms") or ())
+        yield from self._arm_differences()
         wanted = locked or {recorded.schedule_sha256}
         differs = now.fingerprint not in wanted
         if not self.possible:
@@ -118,9 +122,16 @@ class _Check:
             if not differs:
                 yield f"the order of the trials is not the random draw from seed {self.plan.seed}"
 
-    def _arm_differences(self, locked: Sequence[Sequence[str]]) -> Iterator[str]:
+    def _locked_arms(self) -> list[list[str]]:
+        """Return name, code and campaign of each arm by the log, as far as it is well-formed."""
+        arms: Any = self.locks[0].get("arms") if self.locks else []
+        if not isinstance(arms, list):
+            return []
+        return [arm for arm in arms if isinstance(arm, list) and list(map(type, arm)) == [str, str, str]]
+
+    def _arm_differences(self) -> Iterator[str]:
         now = {arm.name: (arm.code, arm.campaign_key) for arm in self.recorded.arms}
-        for name, code, key in locked:
+        for name, code, key in self._locked_arms():
             if name not in now:
                 yield f"the arm of code {code} is gone or was renamed"
             elif now[name][0] != code:
@@ -155,7 +166,7 @@ class _Check:
         """Return what people may call an arm: by the code that was locked."""
         if not self.recorded.is_blind:
             return name
-        locked = {arm: code for lock in self.locks[:1] for arm, code, _ in lock.get("arms") or ()}
+        locked = {arm: code for arm, code, _ in self._locked_arms()}
         codes = locked or (self.possible[0].codes if self.possible else {})
         return f"arm {codes[name]}" if name in codes else "an arm"
 
@@ -191,8 +202,8 @@ class _Check:
                 yield f"the history has what the log lacks: {_entry(json.loads(entry))}"
 
     def _episode_differences(self, logged: Sequence[Mapping[str, Any]], now: EndedEpisode | None) -> Iterator[str]:
-        most = max(int(outcome["verdicts"]) for outcome in logged)
-        latest = [outcome for outcome in logged if int(outcome["verdicts"]) == most]
+        most = max(outcome["verdicts"] for outcome in logged)
+        latest = [outcome for outcome in logged if outcome["verdicts"] == most]
         where = LockedTrial(0, 0, *(latest[-1][name] for name in ("arm", "goal", "start", "repetition")))
         result = _verdict(latest[-1]["verdict"], latest[-1]["state"])
         if now is None:
@@ -206,8 +217,8 @@ class _Check:
         if len(now.verdicts) != most:
             yield f"{name} ({self._trial(where)}) had {most} verdicts and has {len(now.verdicts)}"
         for outcome in logged:
-            place, was = int(outcome["verdicts"]), outcome["verdict"]
-            if was is not None and place <= len(now.verdicts) and dict(now.verdicts[place - 1]) != was:
+            place, was = outcome["verdicts"], outcome["verdict"]
+            if was is not None and 0 < place <= len(now.verdicts) and dict(now.verdicts[place - 1]) != was:
                 changed = now.verdicts[place - 1]
                 fields = ", ".join(name for name, value in was.items() if changed.get(name) != value)
                 yield (
@@ -226,7 +237,7 @@ class _Check:
 
 
 def _content(event: LogEvent) -> Mapping[str, Any]:
-    """Return what an event says; nothing where it was edited, which is reported as such."""
+    """Return the content of an event; empty if it was edited, which is reported as such."""
     if not event.is_intact:
         return {}
     try:
@@ -234,6 +245,13 @@ def _content(event: LogEvent) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}
+
+
+def _is_outcome(content: Mapping[str, Any]) -> bool:
+    """Return whether the content of an event is that of an episode's outcome; the log is of unknown origin."""
+    return content.keys() >= _OUTCOME_FIELDS.keys() and all(
+        isinstance(content[name], kind) for name, kind in _OUTCOME_FIELDS.items()
+    )
 
 
 def _entry(entry: Mapping[str, Any]) -> str:
@@ -244,8 +262,8 @@ def _entry(entry: Mapping[str, Any]) -> str:
 def _verdict(verdict: Mapping[str, Any] | None, state: str = "") -> str:
     if verdict is None:
         return sanitize(state)
-    outcome = {True: "success", False: "failure"}.get(verdict.get("success"), "void")  # type: ignore[arg-type]
-    return sanitize(f"a {outcome}" if outcome != "void" else outcome)
+    success = verdict.get("success")
+    return "void" if not isinstance(success, bool) else "a success" if success else "a failure"
 
 
 def _possible_schedules(plan: StudyFile, site_content: Mapping[str, Any]) -> tuple[Schedule, ...]:

@@ -1,27 +1,25 @@
 """Runs a session of a locked study: each scheduled trial with the model of its arm."""
 
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
 from functools import partial
 
 from vsnbench.errors import RobotError, StudyError
-from vsnbench.models.contract import Policy
 from vsnbench.results.files.episode_entries import EpisodeViewer
-from vsnbench.results.studies.entries import SESSION, SESSION_END, RecordedStudy
+from vsnbench.results.studies.entries import SESSION, SESSION_END
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingTarget
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, ModelProvider
+from vsnbench.runner.episode.recorder import RecordingOptions
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import RecordingOptions, SessionContext
+from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.model_cache import ModelCache
 from vsnbench.runner.setup.trial_setup import close_policy
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.runner.study.arms import StudyPlace, revealing_words
+from vsnbench.runner.study.arms import revealing_words
 from vsnbench.runner.study.blinding import BlindOperator, BlindViewer
 from vsnbench.runner.study.output_redaction import OutputRedaction
 from vsnbench.runner.study.source import StudyRequest, StudyResult, StudySource
@@ -58,12 +56,11 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
         if recorded.is_blind:
             operator = BlindOperator(operator)
         journal.patience.gives_up = lambda: stop_requests.session_ends
-        loader = _ArmLoader(place, recorded, robot, journal, redaction)
-        models = stack.enter_context(ModelCache(loader.load, request.memory_bytes))
+        load = partial(_load_arm, request, robot, journal, redaction)
+        models = stack.enter_context(ModelCache(load, request.memory_bytes))
         recording = RecordingOptions(request.results, viewer, provenance.operator)
         context = SessionContext(journal, operator, stop_requests, place.site, place.study.protocol, recording)
-        executor = InProcessExecutor(context, robot, _StudyModels(context, robot, recorded, models))
-        return source.result(run(source, executor, operator))
+        return source.result(run(source, InProcessExecutor(context, robot, models), operator))
 
 
 def _open_robot(stack: ExitStack, request: StudyRequest, journal: Journal, operators: OperatorProvider) -> Robot:
@@ -111,64 +108,28 @@ def _operator_session(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _ArmLoader:
-    """Loads the models of a study's arms and checks that they are the locked ones."""
+def _load_arm(
+    request: StudyRequest, robot: Robot, journal: Journal, redaction: OutputRedaction | None, arm: str
+) -> DrivingModel:
+    """Load the model of an arm, and check that it is the locked one.
 
-    place: StudyPlace
-    recorded: RecordedStudy
-    robot: Robot
-    journal: Journal
-    redaction: OutputRedaction | None
-    """Hides the models' output; None where the study is not blind."""
-
-    def load(self, arm: str) -> Policy:
-        """Load the model of an arm.
-
-        Raises:
-            StudyError: the model or its conditions are not those that were locked.
-            VsnbenchError: the model cannot be loaded.
-        """
-        with self.redaction.call() if self.redaction else nullcontext():
-            setup = self.place.load(arm, self.robot)
-        policy, locked = setup.policy, self.recorded.by_name[arm]
-        plan = self.place.campaign(arm, setup)
-        if plan.key != locked.campaign_key:
-            what = (
-                "its weights, settings or code are not those that were locked"
-                if plan.model.sha256 != locked.model_sha256
-                else "the site, the robot or its conditions are not those that were locked"
-            )
-            close_policy(policy)
-            raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
-        runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
-        self.journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
-        return self.redaction.policy(policy) if self.redaction else policy
-
-
-class _StudyModels(ModelProvider):
-    """The models of a study's arms."""
-
-    def __init__(self, context: SessionContext, robot: Robot, recorded: RecordedStudy, models: ModelCache) -> None:
-        self._context = context
-        self._robot = robot
-        self._recorded = recorded
-        self._models = models
-
-    def take(self, model: str) -> DrivingModel:
-        """Return the model of an arm, loaded if necessary."""
-        policy = self._models.take(model)
-        recording, shown_name = self._context.recording, self._recorded.shown(model)
-        target = RecordingTarget(
-            self._context.journal,
-            recording.results,
-            shown_name,
-            self._robot.identity.profile,
-            recording.viewer,
-            recording.operator_name,
+    Raises:
+        StudyError: the model or its conditions are not those that were locked.
+        VsnbenchError: the model cannot be loaded.
+    """
+    recorded, place = request.recorded, request.place
+    with redaction.call() if redaction else nullcontext():
+        setup = place.load(arm, robot)
+    policy, locked = setup.policy, recorded.by_name[arm]
+    plan = place.campaign(arm, setup)
+    if plan.key != locked.campaign_key:
+        what = (
+            "its weights, settings or code are not those that were locked"
+            if plan.model.sha256 != locked.model_sha256
+            else "the site, the robot or its conditions are not those that were locked"
         )
-        return DrivingModel(policy, partial(EpisodeRecorderFanOut, target), shown_name)
-
-    def drop(self, model: str) -> None:
-        """Load the model again before its next trial."""
-        self._models.drop(model)
+        close_policy(policy)
+        raise StudyError(f"arm {arm}: {what}", code="differs-from-lock")
+    runs_on = ", ".join(f"{name}: {value}" for name, value in policy.card.runs_on.items())
+    journal.add_event("model_loaded", runs_on, campaign_id=locked.campaign_id)
+    return DrivingModel(redaction.policy(policy) if redaction else policy, recorded.shown(arm))

@@ -77,10 +77,10 @@ class StudySource(TrialSource):
         """
         if self._is_complete:
             return None
+        inactive, set_aside = {*self._suspended, *self._decision.dropped}, self._unavailable | self._postponed
         for scheduled in self._progress():
             trial_id = scheduled.trial.id
-            is_set_aside = trial_id in self._unavailable or trial_id in self._postponed
-            if scheduled.left and scheduled.arm not in self._inactive_arms and not is_set_aside:
+            if scheduled.left and scheduled.arm not in inactive and trial_id not in set_aside:
                 self._check_time()
                 return ScheduledTrial(scheduled.trial.campaign_id, trial_id, scheduled.arm)
         return None
@@ -131,10 +131,6 @@ class StudySource(TrialSource):
     @property
     def _is_complete(self) -> bool:
         return bool(self._decision.over) or (self._request.only_next and self.rules.episodes > 0)
-
-    @property
-    def _inactive_arms(self) -> set[str]:
-        return {*self._suspended, *self._decision.dropped}
 
     def _progress(self) -> tuple[StudyTrialProgress, ...]:
         return self._journal.study_progress(self._study.id)
