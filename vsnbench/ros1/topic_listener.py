@@ -8,27 +8,17 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import rospy
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vsnbench.ros1.battery import BATTERY_CLASSES
+from vsnbench.ros1.messages import MESSAGE_CLASSES
 from vsnbench.ros1.node import start_node
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common import topic_listener
 from vsnbench.ros_common.topic_listener import TakeOdometry
 
-_CLASSES: dict[str, Any] = {
-    "nav_msgs/Odometry": Odometry,
-    "sensor_msgs/CameraInfo": CameraInfo,
-    "sensor_msgs/CompressedImage": CompressedImage,
-    "sensor_msgs/Image": Image,
-    **BATTERY_CLASSES,
-}
-
 
 def message_of(kind: str, data: bytes) -> Any:
     """Return a serialized message of a type such as `sensor_msgs/Image`."""
-    return _CLASSES[kind]().deserialize(data)
+    return MESSAGE_CLASSES[kind]().deserialize(data)
 
 
 class TopicListener(topic_listener.TopicListener):
