@@ -17,7 +17,7 @@ from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, CalibrationError, Intrinsics, rectifier_of
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, CalibrationError, Intrinsics, rectifier_of
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -78,7 +78,7 @@ def image_results(
             frames = decoded
     if frames:
         yield from _depth_results(profile, [np.rot90(frame, -turns) for frame in frames])
-    calibrations: dict[str, Intrinsics | CalibrationError | None] = {}
+    calibrations: dict[str, Calibration] = {}
     for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
         if info and topic and messages[info].messages:
             calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
@@ -132,7 +132,7 @@ def _message(read: Read, topic: str, data: bytes) -> Any:
         raise ImageError(f"a message on {topic} is not a {kind}") from error
 
 
-def _calibration(read: Read, data: bytes, topic: str) -> Intrinsics | CalibrationError | None:
+def _calibration(read: Read, data: bytes, topic: str) -> Calibration:
     try:
         return Intrinsics.of(read("sensor_msgs/CameraInfo", data), topic)
     except CalibrationError as error:
@@ -143,7 +143,7 @@ def _calibration_result(
     profile: RobotProfile,
     info: str,
     topic: str,
-    calibration: Intrinsics | CalibrationError | None,
+    calibration: Calibration,
     turns: int,
 ) -> CheckResult:
     if calibration is None:
@@ -167,7 +167,7 @@ def _calibration_result(
 
 def _mount_results(
     profile: RobotProfile,
-    calibration: Intrinsics | CalibrationError | None,
+    calibration: Calibration,
     median_m: npt.NDArray[np.float32],
     turns: int,
 ) -> Iterator[CheckResult]:
