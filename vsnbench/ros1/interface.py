@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from vsnbench.ros_common.interface import RosInterface, require_interface
+from vsnbench.ros_common.interface import SHARED_TOPICS, RosInterface, require_interface
 from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
@@ -17,6 +17,10 @@ class Ros1Interface(RosInterface):
     """Topics and services of a robot on a ROS 1 network; an empty name means that the robot does not have the part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title = "over ROS 1"
+    contact_fields = ("bumper",)
+    distinct_fields = (*SHARED_TOPICS, "cliff", "wheel_drop", "battery")
 
     kind: Literal["ros1"]
     command: RosName = Field(default="/cmd_vel", min_length=1)

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field
 
 from vsnbench.errors import RobotError
-from vsnbench.ros_common.interface import RosInterface, require_interface
+from vsnbench.ros_common.interface import SHARED_TOPICS, RosInterface, require_interface
 from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?$")]
@@ -21,6 +21,10 @@ class Ros2Interface(RosInterface):
     """Topics of a robot on a ROS 2 graph; an empty name means that the robot does not have the part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title = "over ROS 2"
+    contact_fields = ("bumper", "hazards")
+    distinct_fields = (*SHARED_TOPICS, "hazards", "battery", "dock")
 
     kind: Literal["ros2"]
     namespace: RosName = Field(default="", description="namespace of this robot; not part of the profile's hash")
@@ -86,7 +90,7 @@ def ros2_interface(profile: RobotProfile) -> Ros2Interface:
     Raises:
         RobotError: the profile has another interface or none.
     """
-    return require_interface(profile, "ros2", Ros2Interface, "turtlebot4").resolved()
+    return require_interface(profile, "ros2", Ros2Interface, "turtlebot4")
 
 
 def in_namespace(profile: RobotProfile, namespace: str) -> RobotProfile:

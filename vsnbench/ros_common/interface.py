@@ -1,7 +1,7 @@
 """Fields that the interface of a robot profile has over ROS 1 and over ROS 2."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
@@ -45,6 +45,13 @@ class RosInterface(Interface):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    title: ClassVar[str]
+    """Description for lists of robots."""
+    contact_fields: ClassVar[tuple[str, ...]]
+    """Fields that name a topic with contacts."""
+    distinct_fields: ClassVar[tuple[str, ...]]
+    """Fields whose topics must differ."""
+
     if TYPE_CHECKING:  # subclasses define these fields, because names and defaults differ
         command: str
         odometry: str
@@ -78,6 +85,10 @@ class RosInterface(Interface):
         """Return the full name of a topic of `sensing.simulation` for this robot."""
         return topic
 
+    def resolved(self) -> Self:
+        """Return the interface with full names."""
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _one_source(cls, content: Any) -> Any:
@@ -105,11 +116,13 @@ class RosInterface(Interface):
         return content
 
 
+SHARED_TOPICS = ("command", "odometry", "color", "depth", "bumper")
+"""Fields whose topics must differ over ROS 1 and ROS 2."""
 AnyInterface = TypeVar("AnyInterface", bound=RosInterface)
 
 
 def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterface], example: str) -> AnyInterface:
-    """Return the interface of a profile.
+    """Return the interface of a profile with full names.
 
     Args:
         profile: the profile of the robot.
@@ -121,7 +134,7 @@ def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterfac
         RobotError: the profile has another interface or none.
     """
     if isinstance(profile.interface, wanted):
-        return profile.interface
+        return profile.interface.resolved()
     raise RobotError(
         f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface",
         advice=f"use a profile with an interface of `kind: {kind}` (vsnbench robots show {example})",
