@@ -6,8 +6,8 @@ import struct
 
 import pytest
 
+from vsnbench.robots.checkup.base import ActiveHazards
 from vsnbench.robots.checkup.checks import frame_id, frame_results
-from vsnbench.robots.checkup.hazards import ActiveHazards
 from vsnbench.robots.checkup.odometry import PlanarReading, frames_result, odometry_results
 from vsnbench.robots.checkup.profile import implausible_values
 from vsnbench.robots.profiles import load_profile

@@ -1,6 +1,7 @@
 """The check-up of a robot over ROS before a session."""
 
 import math
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -9,7 +10,6 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
-from vsnbench.robots.checkup.hazards import ActiveHazards
 from vsnbench.robots.checkup.images import frozen_result, image_results
 from vsnbench.robots.checkup.odometry import PlanarReading, TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -17,6 +17,7 @@ from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
 from vsnbench.ros_common.odometry import OdometryReader
 from vsnbench.ros_common.topic_listener import TopicListener
+from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -25,6 +26,29 @@ DOCTOR = "vsnbench_doctor"
 """Name of the node of a check-up."""
 _TURN_DEG = 30
 _DEFAULT_ADVICE = "check the log of discrete_move"
+
+
+class ActiveHazards:
+    """The active hazard sensors of a base; thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._active: dict[tuple[Hazard, int], str] = {}
+
+    def take(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
+        """Take the state of one sensor."""
+        with self._lock:
+            self._active.pop((hazard, sensor), None)
+            if active:
+                self._active[hazard, sensor] = where
+
+    def results(self) -> Iterator[CheckResult]:
+        """Report the active sensors; nothing if there are none."""
+        with self._lock:
+            active = sorted(f"{hazard.value} ({where})" for (hazard, _), where in self._active.items())
+        if active:
+            advice = "free the robot, and put it flat on its wheels"
+            yield CheckResult("hazards", Health.FAILED, f"the base reports: {', '.join(active)}", advice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +81,9 @@ class TurnTest(ABC):
     def newest_depth(self) -> Any:
         """Return a depth image that arrives from now on; None if none arrives."""
 
-    @abstractmethod
     def further_results(self) -> Iterator[CheckResult]:
-        """Perform the checks that follow successful turns."""
+        """Perform the checks that follow successful turns: none by default."""
+        return iter(())
 
 
 class RosCheckup(ABC):

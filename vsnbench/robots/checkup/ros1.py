@@ -7,7 +7,7 @@ import os
 import socket
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
@@ -38,7 +38,7 @@ _OWN_NODES = frozenset({"/vsnbench", _NODE})
 _TWIST = "geometry_msgs/Twist"
 
 
-class Ros1Checkup(RosCheckup):
+class Ros1Checkup(RosCheckup, TurnTest):
     """Checks every part of a robot over ROS 1."""
 
     names: Ros1Interface
@@ -127,9 +127,8 @@ class Ros1Checkup(RosCheckup):
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
 
-    @contextmanager
-    def _turn_test(self) -> Iterator[TurnTest]:
-        yield _TurnTest(self, self._client())
+    def _turn_test(self) -> AbstractContextManager[TurnTest]:
+        return nullcontext(self)
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return self._state.publishers.get(topic, [])
@@ -173,7 +172,23 @@ class Ros1Checkup(RosCheckup):
                 remote.add(node)
         return frozenset(remote)
 
-    def heading_rad(self) -> float | None:
+    def turn(self, movement: str, angle_deg: int) -> Turn:
+        """Turn the robot by the server of discrete_move.
+
+        Raises:
+            RobotError: the server does not answer.
+        """
+        from vsnbench.ros1.messages import DiscreteServerRequest
+
+        timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, MotionSettings.for_robot(self.profile)) + 12.0
+        before = self._heading_rad()
+        answered = bool(self._client().call(DiscreteServerRequest(movement, angle_deg), timeout_s).response)
+        after = self._heading_rad()
+        if before is None or after is None:
+            return Turn(answered, None)
+        return Turn(answered, math.remainder(after - before, math.tau))
+
+    def _heading_rad(self) -> float | None:
         """Return the heading of the odometry after a motion has settled; None without odometry."""
         if self.names.tf:
             return self.transforms.settled_heading_rad()
@@ -191,39 +206,6 @@ class Ros1Checkup(RosCheckup):
         from vsnbench.ros1.service_call import ServiceClient
 
         return ServiceClient(self.names.discrete_move, DiscreteServer, self._master, _NODE)
-
-
-class _TurnTest(TurnTest):
-    """Turns the robot by the server of discrete_move."""
-
-    def __init__(self, checkup: Ros1Checkup, client: ServiceClient) -> None:
-        self._checkup = checkup
-        self._client = client
-        settings = MotionSettings.for_robot(checkup.profile)
-        self._timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, settings) + 12.0
-
-    def turn(self, movement: str, angle_deg: int) -> Turn:
-        """Turn the robot.
-
-        Raises:
-            RobotError: the server does not answer.
-        """
-        from vsnbench.ros1.messages import DiscreteServerRequest
-
-        before = self._checkup.heading_rad()
-        answered = bool(self._client.call(DiscreteServerRequest(movement, angle_deg), self._timeout_s).response)
-        after = self._checkup.heading_rad()
-        if before is None or after is None:
-            return Turn(answered, None)
-        return Turn(answered, math.remainder(after - before, math.tau))
-
-    def newest_depth(self) -> Any:
-        """Return a depth image that arrives from now on; None if none arrives."""
-        return self._checkup.newest_depth()
-
-    def further_results(self) -> Iterator[CheckResult]:
-        """Check nothing: the server of discrete_move stops the base."""
-        return iter(())
 
 
 def _topics(names: Ros1Interface) -> dict[str, str]:

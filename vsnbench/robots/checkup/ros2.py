@@ -15,10 +15,16 @@ from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.images import image_type
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.robots.checkup.watchdog import stored_watchdog_result, watchdog_result
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.start import Patience, wait_until_ready
-from vsnbench.robots.ros.watchdog import measure_watchdog, store_measurement
+from vsnbench.robots.ros.watchdog import (
+    WatchdogMeasurement,
+    measure_watchdog,
+    robot_option,
+    store_measurement,
+    stored_measurement,
+    watchdog_advice,
+)
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
 from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
@@ -243,6 +249,24 @@ class _TurnTest(TurnTest):
             measured = measure_watchdog(self._link, self._profile)
             store_measurement(measured, self._profile, simulated=self._link.snapshot().simulation is not None)
             yield watchdog_result(measured, self._profile)
+
+
+def watchdog_result(measurement: WatchdogMeasurement, profile: RobotProfile) -> CheckResult:
+    """Return whether a measurement passed."""
+    if measurement.passed:
+        return CheckResult("watchdog", Health.OK, measurement.seen)
+    return CheckResult("watchdog", Health.FAILED, measurement.seen, watchdog_advice(profile))
+
+
+def stored_watchdog_result(profile: RobotProfile, *, simulated: bool) -> CheckResult:
+    """Return whether the stored measurement of a base passed."""
+    measurement = stored_measurement(profile, simulated=simulated)
+    if measurement is None:
+        seen = "not measured on this machine: vsnbench run will not steer the base"
+        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {robot_option(profile)} --move")
+    result = watchdog_result(measurement, profile)
+    seen = f"{result.seen} ({measurement.measured_at:%Y-%m-%d})"
+    return CheckResult(result.what, result.health, seen, result.advice)
 
 
 def graph_result(others: list[str]) -> CheckResult:
