@@ -45,9 +45,9 @@ class DefinedMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
         for line in cls._full_text.partition(_OTHER_TYPES)[0].splitlines():
             kind, _, rest = line.partition(" ")
             name, is_constant, value = rest.partition("=")
-            if is_constant:
-                setattr(cls, name, int(value))
-            else:
+            # The tools of ROS read fields of the class.
+            setattr(cls, name, int(value) if is_constant else None)
+            if not is_constant:
                 fields[name] = _HEADER if kind == "Header" else kind
         cls.__slots__, cls._slot_types = tuple(fields), list(fields.values())
         cls._has_header = _HEADER in cls._slot_types

@@ -22,10 +22,10 @@ from vsnbench.ros1.messages import (
     BumperEvent,
     PlaceRobot,
     PlaceRobotResponse,
-    TFMessage,
     WheelDropEvent,
     tf_message,
 )
+from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.messages import PinholeMatrices, fill_image, fill_odometry
 from vsnbench.ros_common.simulated_robot import NODE, SimulatedRobot
 from vsnbench.sensing.simulation import PLACE
@@ -126,9 +126,8 @@ class SimulatedRobotNode(SimulatedRobot):
         fill_odometry(message, pose, frame_id, "base_footprint")
         return message
 
-    def _tf_message(self, odometry: Any) -> TFMessage:
-        assert self.names.tf is not None  # noqa: S101  # the caller checks it
-        return tf_message(odometry, self.names.tf)
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
+        return tf_message(odometry, frames)
 
     def _image_message(self, pixels: npt.NDArray[Any], encoding: str, stamp_s: float, frame_id: str) -> Any:
         message = Image()

@@ -26,6 +26,7 @@ from vsnbench.ros2.messages import (
 from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import tf_message
 from vsnbench.ros2.topic_service import TopicServiceServer
+from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.simulated_robot import NODE, SimulatedRobot
 from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -99,9 +100,8 @@ class SimulatedRobotNode(SimulatedRobot):
     def _odometry_message(self, pose: Pose, stamp_s: float, frame_id: str) -> Any:
         return odometry_message(pose, stamp_s, frame_id)
 
-    def _tf_message(self, odometry: Any) -> Any:
-        assert self.names.tf is not None  # noqa: S101  # the caller checks it
-        return tf_message(odometry, self.names.tf)
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
+        return tf_message(odometry, frames)
 
     def _image_message(self, pixels: npt.NDArray[Any], encoding: str, stamp_s: float, frame_id: str) -> Any:  # noqa: ARG002
         return image_message(pixels, encoding, stamp_s, self.names.image_turns)

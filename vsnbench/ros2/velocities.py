@@ -20,7 +20,7 @@ TakeTwist = Callable[[Any, str], None]
 class Velocities:
     """Commands a base once the graph shows that the base subscribes, and in which type."""
 
-    def __init__(self, node: "Ros2Node", graph: Graph, names: Ros2Interface, take: TakeTwist | None = None) -> None:
+    def __init__(self, node: "Ros2Node", graph: Graph, names: Ros2Interface, take: TakeTwist) -> None:
         self._node = node
         self._graph = graph
         self._names = names
@@ -39,7 +39,7 @@ class Velocities:
 
     def connect(self) -> RobotError | None:
         """Connect to the base; returns why no base would move, or None."""
-        topic: str = self._names.command
+        topic = self._names.command
         wanted: str = self._names.command_type
         subscribers = self._graph.subscribers(topic)
         if fault := command_fault(topic, wanted, subscribers, VELOCITIES):
@@ -62,13 +62,12 @@ class Velocities:
                 self._publisher.close()
             self._publisher = opened = self._node.velocity_publisher(self._names.command, kind)
             self._type = kind
-        if self._take is not None:
-            self._node.subscribe_velocities(self._names.command, kind, self._on_command)
+        self._node.subscribe_velocities(self._names.command, kind, self._on_command)
         return opened
 
     def _on_command(self, read: Callable[[], Any], info: Any) -> None:
         sender = self._graph.sender(self._names.command, info)
-        if sender == self._node.full_name or self._take is None:
+        if sender == self._node.full_name:
             return
         twist = read()
         # The sender is not conclusive before the graph knows this process's publisher, and after it was opened again.

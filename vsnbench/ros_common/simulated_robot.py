@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy.typing as npt
 
 from vsnbench.control.command import Command
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros_common.interface import OdometryFrames, RosInterface
 from vsnbench.ros_common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -80,7 +80,7 @@ class SimulatedRobot(NodeTask):
         """Return a nav_msgs/Odometry."""
 
     @abstractmethod
-    def _tf_message(self, odometry: Any) -> Any:
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
         """Return a nav_msgs/Odometry as tf2_msgs/TFMessage."""
 
     @abstractmethod
@@ -114,17 +114,17 @@ class SimulatedRobot(NodeTask):
     def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Publish the odometry."""
         message = self._odometry_message(pose, stamp_s, "odom")
-        self._odometry.publish(self._tf_message(message) if self.names.tf else message)
+        self._odometry.publish(self._tf_message(message, self.names.tf) if self.names.tf else message)
 
     def publish_truth(self, pose: Pose, stamp_s: float) -> None:
         """Publish the pose in the site's frame, if a node subscribes to it."""
         if self._subscribers(self._truth):
             self._truth.publish(self._odometry_message(pose, stamp_s, "site"))
 
-    def publish_contact(self, _before: Contact | None, now: Contact | None) -> None:
+    def publish_contact(self, before: Contact | None, now: Contact | None) -> None:
         """Publish that a contact began, changed or ended."""
         self._contact.publish(self._text_message(now.name if now else ""))
-        self._publish_bumper(_before, now)
+        self._publish_bumper(before, now)
 
     def wants_pictures(self) -> bool:
         """Return whether a node subscribes to an image."""
