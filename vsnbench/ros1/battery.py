@@ -1,7 +1,4 @@
-"""Battery reports of a base: kobuki_msgs/SensorState or sensor_msgs/BatteryState.
-
-Imported only where ROS 1 is installed.
-"""
+"""Battery reports of a base: kobuki_msgs/SensorState or sensor_msgs/BatteryState."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,4 @@
-"""The discrete_move node over ROS 1, with the service name, type and meaning of upstream.
-
-Imported only where ROS 1 is installed.
-"""
+"""The discrete_move node over ROS 1, with the service name, type and meaning of upstream."""
 
 import json
 import select

@@ -1,7 +1,4 @@
-"""Subscriptions to the bumper, cliff and wheel-drop topics of a base.
-
-Imported only where ROS 1 is installed.
-"""
+"""Subscriptions to the bumper, cliff and wheel-drop topics of a base."""
 
 from collections.abc import Callable
 from functools import partial

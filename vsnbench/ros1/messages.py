@@ -1,7 +1,7 @@
 """Messages and services without a distribution package, wire-compatible with the generated classes.
 
-Imported only where ROS 1 is installed. `_full_text` is the definition that ROS tools print. `_md5sum` must be its md5,
-or other nodes refuse the connection; a test computes it with the tools of ROS.
+`_full_text` is the definition that ROS tools print. `_md5sum` must be its md5, or other nodes refuse the connection; a
+test computes it with the tools of ROS.
 """
 
 import struct

@@ -1,7 +1,4 @@
-"""A ROS 1 node that never hangs without a master, ends no other node and leaves signal handlers alone.
-
-Imported only where ROS 1 is installed.
-"""
+"""A ROS 1 node that never hangs without a master, ends no other node and leaves signal handlers alone."""
 
 import os
 import sys

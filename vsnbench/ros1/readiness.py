@@ -1,7 +1,4 @@
-"""Checks that every part of a robot on a ROS 1 network answers.
-
-Imported only where ROS 1 is installed.
-"""
+"""Checks that every part of a robot on a ROS 1 network answers."""
 
 import time
 from collections.abc import Callable

@@ -1,7 +1,4 @@
-"""The client's connection to a robot over ROS 1.
-
-Imported only where ROS 1 is installed.
-"""
+"""The client's connection to a robot over ROS 1."""
 
 import json
 from collections.abc import Callable

@@ -1,7 +1,4 @@
-"""A simulated robot on the ROS 1 topics of its profile.
-
-Imported only where ROS 1 is installed.
-"""
+"""A simulated robot on the ROS 1 topics of its profile."""
 
 import logging
 from typing import Any

@@ -1,7 +1,4 @@
-"""Collects the messages of topics over ROS 1.
-
-Imported only where ROS 1 is installed.
-"""
+"""Collects the messages of topics over ROS 1."""
 
 import struct
 from collections.abc import Callable, Iterable

@@ -1,7 +1,6 @@
 """The discrete_move node over ROS 2: executes one movement per request.
 
 It stops when the client stops repeating its request (`topic_service.GONE_S`), and whenever it ends.
-Imported only where ROS 2 is installed.
 """
 
 import logging

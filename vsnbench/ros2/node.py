@@ -1,7 +1,6 @@
 """A ROS 2 node with its own context and thread, which leaves signal handlers alone.
 
 Shutting a context down under a spinning executor can abort the process, so `close` joins the thread first.
-Imported only where ROS 2 is installed.
 """
 
 import contextlib

@@ -1,7 +1,4 @@
-"""Subscription to the odometry of a base over ROS 2.
-
-Imported only where ROS 2 is installed.
-"""
+"""Subscription to the odometry of a base over ROS 2."""
 
 from typing import Any
 

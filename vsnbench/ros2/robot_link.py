@@ -1,7 +1,6 @@
 """The client's connection to a robot over ROS 2.
 
 A discrete_move node on the robot executes movements if there is one, else this process does.
-Imported only where ROS 2 is installed.
 """
 
 import time

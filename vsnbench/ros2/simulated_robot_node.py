@@ -1,7 +1,4 @@
-"""A simulated robot on the ROS 2 topics of its profile.
-
-Imported only where ROS 2 is installed.
-"""
+"""A simulated robot on the ROS 2 topics of its profile."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

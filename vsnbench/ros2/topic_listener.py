@@ -1,7 +1,4 @@
-"""Collects the messages of topics over ROS 2.
-
-Imported only where ROS 2 is installed.
-"""
+"""Collects the messages of topics over ROS 2."""
 
 import time
 from collections.abc import Callable, Mapping
