@@ -21,7 +21,6 @@ from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros1.readiness import Readiness
 from vsnbench.ros1.service_call import ServiceClient
 from vsnbench.ros_common import robot_link
-from vsnbench.ros_common.messages import moves
 from vsnbench.ros_common.robot_link import placement_seed
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.movements import Outcome
@@ -161,12 +160,9 @@ class RobotLink(robot_link.RobotLink):
         self._reports.take_odometry(pose, stamp_s, self.names.odometry_topic, sender)
 
     def _on_command(self, message: Any) -> None:
-        node, drives = sender_of(message), moves(message)
-        if node == self.master.caller:
-            return
-        if drives:
-            self._hold.answer()
-        self._reports.take_command(node, moves=drives, rival=node not in self._readiness.steering)
+        node = sender_of(message)
+        if node != self.master.caller:
+            self._take_command(message, node, rival=node not in self._readiness.steering)
 
     def _on_outcome(self, message: Any) -> None:
         self._reports.take_outcome(Outcome(**json.loads(message.data)))

@@ -10,7 +10,7 @@ from vsnbench.ros1.messages import MESSAGE_CLASSES
 from vsnbench.ros1.node import start_node
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common import topic_listener
-from vsnbench.ros_common.topic_listener import TakeOdometry
+from vsnbench.ros_common.odometry import TakeOdometry
 
 
 def message_of(kind: str, data: bytes) -> Any:
@@ -29,7 +29,7 @@ class TopicListener(topic_listener.TopicListener):
         for topic in topics:
             rospy.Subscriber(topic, rospy.AnyMsg, self._recorder(topic), queue_size=50, buff_size=1 << 24)
 
-    def follow_odometry(self, names: Any, take: TakeOdometry) -> OdometrySubscription:
+    def follow_odometry(self, names: Any, take: TakeOdometry[str]) -> OdometrySubscription:
         """Pass the odometry of a base to `take`."""
         return OdometrySubscription(names, take)
 

@@ -26,7 +26,7 @@ from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros2.installation import discovery
 from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
-from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask
+from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask, sleep_until
 from vsnbench.runtime.signals import EndAsked
 
 SENSOR_DATA = QoSProfile(
@@ -127,11 +127,9 @@ class Ros2Node:
             return float(self.rclpy.get_clock().now().nanoseconds) * 1e-9
         return time.monotonic()
 
-    def sleep_until(self, due_s: float, give_up_wall_s: float = 1.0) -> None:
-        """Sleep until `now_s()` reaches `due_s`, or for `give_up_wall_s` of real time."""
-        give_up_s = time.monotonic() + give_up_wall_s
-        while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
-            time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
+    def sleep_until(self, due_s: float) -> None:
+        """Sleep until `now_s()` reaches `due_s`; see `ros_common.node.sleep_until`."""
+        sleep_until(due_s, self.now_s, lambda: self.simulated_time)
 
     def velocity_publisher(self, topic: str, kind: str) -> "VelocityPublisher":
         """Return a publisher of velocities as messages of type `kind`."""

@@ -27,7 +27,6 @@ from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros2.velocities import Velocities
 from vsnbench.ros_common import robot_link
 from vsnbench.ros_common.discrete_move import mover_of
-from vsnbench.ros_common.messages import moves
 from vsnbench.ros_common.robot_link import placement_seed
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.compressed_images import is_compressed
@@ -253,13 +252,10 @@ class RobotLink(robot_link.RobotLink):
         self._reports.take_odometry(pose, stamp_s, topic, self.graph.sender(topic, info))
 
     def _on_command(self, twist: Any, sender: str) -> None:
-        drives = moves(twist)
-        if drives:
-            self._hold.answer()
         # The node on the robot detects rivals itself; a sender that is not known yet may be that node.
         name = sender.partition(" (no. ")[0].rpartition("/")[2]
         is_ours = self._server == _ON_ROBOT and name in ("", "discrete_move")
-        self._reports.take_command(sender or "another node", moves=drives, rival=not is_ours)
+        self._take_command(twist, sender or "another node", rival=not is_ours)
 
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         self._mover.take_hazard(hazard, sensor, active, where)

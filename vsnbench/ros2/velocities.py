@@ -1,6 +1,7 @@
 """Velocity commands to a base, and detection of velocities that other nodes send."""
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -8,11 +9,11 @@ from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros2.graph import Graph, bases_of, command_fault, incompatibility
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface
-from vsnbench.sensing.steering import SentCommands
 
 if TYPE_CHECKING:
     from vsnbench.ros2.node import Ros2Node, VelocityPublisher
 
+_REMEMBERED = 200
 TakeTwist = Callable[[Any, str], None]
 """Takes a Twist of another node and the name of that node, or an empty string while it is unknown."""
 
@@ -26,7 +27,8 @@ class Velocities:
         self._names = names
         self._take = take
         self._lock = threading.Lock()
-        self._sent = SentCommands()
+        self._sent: deque[Command] = deque(maxlen=_REMEMBERED)
+        """Latest velocities of this process, to recognize them on the topic."""
         self._publisher: VelocityPublisher | None = None
         self._type = ""
 
@@ -34,7 +36,7 @@ class Velocities:
         """Publish a velocity; does nothing before `connect`."""
         with self._lock:
             if self._publisher is not None:
-                self._sent.add(command)
+                self._sent.append(command)
                 self._publisher.publish(command)
 
     def connect(self) -> RobotError | None:
@@ -72,5 +74,5 @@ class Velocities:
         twist = read()
         # The sender is not conclusive before the graph knows this process's publisher, and after it was opened again.
         unsure = sender.partition(" (no. ")[0] in ("", self._node.full_name)
-        if not (unsure and Command(twist.linear.x, twist.angular.z) in self._sent):
+        if not (unsure and Command(twist.linear.x, twist.angular.z) in tuple(self._sent)):
             self._take(twist, sender)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import ImageError
 from vsnbench.protocol.depth_evidence import evidence_pixels
@@ -85,7 +84,11 @@ def image_results(
             yield _calibration_result(profile, info, topic, calibrations[topic], turns)
     if frames:
         median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
-        yield from _mount_results(profile, calibrations.get(names.depth), median_m, turns)
+        try:
+            rectifier = rectifier_of(calibrations.get(names.depth), camera, "", turns)
+        except CalibrationError:
+            return
+        yield from mount_results(rectifier.depth(median_m), camera)
 
 
 def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[CheckResult]:
@@ -163,17 +166,3 @@ def _calibration_result(
             f"set camera.horizontal_fov_deg: {fov_deg:.1f} in your profile",
         )
     return CheckResult(info, Health.OK, f"field of view {fov_deg:.1f}°{moved}")
-
-
-def _mount_results(
-    profile: RobotProfile,
-    calibration: Calibration,
-    median_m: npt.NDArray[np.float32],
-    turns: int,
-) -> Iterator[CheckResult]:
-    """Check the mount by the depth image, unless its calibration is faulty."""
-    try:
-        rectifier = rectifier_of(calibration, profile.camera, "", turns)
-    except CalibrationError:
-        return
-    yield from mount_results(rectifier.depth(median_m), profile.camera)

@@ -93,8 +93,8 @@ class ClockOffset:
     Uses the smallest difference of the latest messages, whose transport was fastest.
     """
 
-    def __init__(self, window: int = 200) -> None:
-        self._differences: deque[float] = deque(maxlen=window)
+    def __init__(self) -> None:
+        self._differences: deque[float] = deque(maxlen=200)
         self.offset_s = 0.0
 
     def add(self, stamp_s: float, arrival_s: float) -> None:
