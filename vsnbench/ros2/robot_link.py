@@ -22,7 +22,7 @@ from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
 from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import OdometrySubscription
-from vsnbench.ros2.readiness import Parts, Readiness
+from vsnbench.ros2.readiness import Readiness
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros2.velocities import Velocities
 from vsnbench.ros_common import robot_link
@@ -49,6 +49,7 @@ class RobotLink(robot_link.RobotLink):
     """
 
     kind = ROS2
+    reports_outcomes = True
     names: Ros2Interface
 
     def __init__(self, profile: RobotProfile, parameters: ProtocolParameters) -> None:
@@ -104,11 +105,6 @@ class RobotLink(robot_link.RobotLink):
     def now_s(self) -> float:
         """Time in which motions are measured: monotonic, or simulated where a simulator publishes the time."""
         return self.node.now_s()
-
-    @property
-    def reports_outcomes(self) -> bool:
-        """Whether a movement reports more than True or False: always."""
-        return True
 
     def image(self, payload: Any) -> Any:
         """Return an image of a snapshot as a message."""
@@ -234,17 +230,18 @@ class RobotLink(robot_link.RobotLink):
         unsupported_topics = subscribe_hazards(self.node, names, self._on_hazard)
         dock = Dock(self.profile_name, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
-        parts = Parts(
-            self.profile_name,
-            self.node,
-            self.graph,
-            self.velocities.connect,
-            self.choose_server,
+        self._readiness = Readiness(
+            names,
+            self.snapshot,
             lambda: self.odometry.fault,
-            dock,
-            unsupported_topics,
+            self.profile_name,
+            node=self.node,
+            graph=self.graph,
+            connect=self.velocities.connect,
+            choose_server=self.choose_server,
+            dock=dock,
+            unsupported_topics=unsupported_topics,
         )
-        self._readiness = Readiness(names, self.snapshot, parts)
 
     def _on_odometry(self, pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:
         topic = self.names.odometry_topic
