@@ -49,11 +49,10 @@ class ServiceRefusedError(ServiceError):
 class ServiceClient:
     """Calls one service; keeps its address, so that later calls need no master. Thread-safe."""
 
-    def __init__(self, name: str, service_class: Any, master: Master, caller: str) -> None:
+    def __init__(self, name: str, service_class: Any, master: Master) -> None:
         self.name = name
         self._class = service_class
         self._master = master
-        self._caller = caller
         self._address: tuple[str, int] | None = None
 
     def locate(self) -> tuple[str, int]:
@@ -110,7 +109,7 @@ class ServiceClient:
 
     def _header(self, **extra: str) -> dict[str, str]:
         return {
-            "callerid": self._caller,
+            "callerid": self._master.caller,
             "service": self.name,
             "md5sum": self._class._md5sum,  # noqa: SLF001
             "type": self._class._type,  # noqa: SLF001

@@ -11,13 +11,14 @@ from typing import Any
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
 from vsnbench.robots.checkup.images import frozen_result, image_results
-from vsnbench.robots.checkup.odometry import PlanarReading, TfReadings, frames_result, odometry_results
+from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
 from vsnbench.ros_common.odometry import OdometryReader
 from vsnbench.ros_common.topic_listener import TopicListener
 from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 

@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
@@ -205,7 +206,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
         from vsnbench.ros1.messages import DiscreteServer
         from vsnbench.ros1.service_call import ServiceClient
 
-        return ServiceClient(self.names.discrete_move, DiscreteServer, self._master, _NODE)
+        return ServiceClient(self.names.discrete_move, DiscreteServer, replace(self._master, caller=_NODE))
 
 
 def _topics(names: Ros1Interface) -> dict[str, str]:

@@ -14,6 +14,16 @@ _JUMP_FACTOR = 1.5
 
 
 @dataclass(frozen=True, slots=True)
+class PlanarReading:
+    """One odometry message: metres, radians, seconds on the robot's clock."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class OdometryReading:
     """One measurement of a base; its heading is unwrapped."""
 
