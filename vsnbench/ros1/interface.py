@@ -9,8 +9,6 @@ from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
 """Name of a topic or service; empty for a part that the robot does not have."""
-TF_MESSAGE = "tf2_msgs/TFMessage"
-"""Type of the messages of TF."""
 
 
 class Ros1Interface(RosInterface):
@@ -44,11 +42,6 @@ class Ros1Interface(RosInterface):
     command_timeout_s: float = Field(
         default=0.6, gt=0, le=60, description="time without a command after which the base stops"
     )
-
-    @property
-    def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
 
 
 def ros1_interface(profile: RobotProfile) -> Ros1Interface:

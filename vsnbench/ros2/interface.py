@@ -13,8 +13,6 @@ RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 VELOCITIES = (TWIST, TWIST_STAMPED)
 """Types of velocity commands."""
-TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-"""Type of the messages of TF."""
 
 
 class Ros2Interface(RosInterface):
@@ -65,10 +63,9 @@ class Ros2Interface(RosInterface):
         """The namespace with a leading slash, or an empty string."""
         return f"/{self.namespace.strip('/')}" if self.namespace.strip("/") else ""
 
-    @property
-    def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        return "nav_msgs/msg/Odometry" if self.tf is None else TF_MESSAGE
+    def type_name(self, kind: str) -> str:
+        """Return the name of a type such as `sensor_msgs/Image` in ROS 2."""
+        return kind.replace("/", "/msg/")
 
     def resolved(self) -> Self:
         """Return the interface with full names."""

@@ -76,8 +76,8 @@ class Readiness(readiness.Readiness):
         return sorted(publisher.node for publisher in self.graph.publishers(topic))
 
     def _silence(self, what: str, topic: str, driver: str) -> RobotError:
-        kind = self.names.odometry_type if what == "odometry" else "sensor_msgs/msg/Image"
-        if fault := type_fault(topic, kind, self.graph.publishers(topic)):
+        kind = self.names.odometry_type if what == "odometry" else "sensor_msgs/Image"
+        if fault := type_fault(topic, self.names.type_name(kind), self.graph.publishers(topic)):
             return fault
         if nodes := " and ".join(sorted(set(self._publishers(topic)))):
             statement = f"no {what} on {topic}, which {nodes} publishes"

@@ -10,7 +10,7 @@ from sensor_msgs.msg import BatteryState, CameraInfo, Image
 from std_msgs.msg import Bool, String
 
 from vsnbench.ros2.installation import require_tf_message
-from vsnbench.ros2.interface import TF_MESSAGE, TWIST, Ros2Interface, ros2_interface
+from vsnbench.ros2.interface import TWIST, Ros2Interface, ros2_interface
 from vsnbench.ros2.messages import (
     COMMAND_CLASSES,
     OPTICAL_FRAME,
@@ -23,7 +23,7 @@ from vsnbench.ros2.messages import (
 from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import tf_message
 from vsnbench.ros2.topic_service import TopicServiceServer
-from vsnbench.ros_common.interface import OdometryFrames
+from vsnbench.ros_common.interface import TF_MESSAGE, OdometryFrames
 from vsnbench.ros_common.simulated_robot import NODE, SimulatedRobot
 from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -36,7 +36,6 @@ __all__ = ["NODE", "SimulatedRobotNode"]
 
 _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
-    "nav_msgs/msg/Odometry": Odometry,
     "sensor_msgs/CameraInfo": CameraInfo,
     "sensor_msgs/Image": Image,
     "std_msgs/String": String,

@@ -12,6 +12,10 @@ FrameId = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_le
 """Name of a TF frame, without a leading slash."""
 
 
+TF_MESSAGE = "tf2_msgs/TFMessage"
+"""Type of the messages of TF."""
+
+
 class OdometryFrames(BaseModel):
     """TF frames whose transform is the odometry of a base."""
 
@@ -78,8 +82,12 @@ class RosInterface(Interface):
 
     @property
     def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        raise NotImplementedError  # pydantic models cannot be abstract; each middleware defines the type
+        """Type of the messages on `odometry_topic`, such as `nav_msgs/Odometry`."""
+        return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
+
+    def type_name(self, kind: str) -> str:
+        """Return the name that the middleware has for a type such as `sensor_msgs/Image`."""
+        return kind
 
     def simulation_topic(self, topic: str) -> str:
         """Return the full name of a topic of `sensing.simulation` for this robot."""

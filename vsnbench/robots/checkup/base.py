@@ -10,7 +10,7 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
-from vsnbench.robots.checkup.images import frozen_result, image_results
+from vsnbench.robots.checkup.images import frozen_result, image_results, image_type
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros_common.interface import RosInterface
@@ -214,6 +214,12 @@ class RosCheckup(ABC):
         if self.names.tf:
             self.messages[self.names.odometry_topic] = self.transforms.messages
 
+    @property
+    def raw_topics(self) -> dict[str, str]:
+        """The topics that `listen` receives as bytes: all but TF."""
+        tf_topic = self.names.odometry_topic if self.names.tf else ""
+        return {topic: kind for topic, kind in self.topics.items() if topic != tf_topic}
+
     def _topic_results(self) -> Iterator[CheckResult]:
         names = self.names
         rates = {names.odometry_topic: self.profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
@@ -253,6 +259,19 @@ class RosCheckup(ABC):
                 yield from _turn_results(test)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
+
+
+def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:
+    """Return the type of every topic that the robot should publish; `others` are the types of further topics."""
+    kinds = {
+        names.odometry_topic: names.odometry_type,
+        names.color: image_type(names.color),
+        names.depth: image_type(names.depth),
+        names.color_info: "sensor_msgs/CameraInfo",
+        names.depth_info: "sensor_msgs/CameraInfo",
+        **others,
+    }
+    return {topic: names.type_name(kind) for topic, kind in kinds.items() if topic}
 
 
 def _turn_results(test: TurnTest) -> Iterator[CheckResult]:

@@ -15,13 +15,13 @@ from urllib.parse import urlparse
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
-from vsnbench.robots.checkup.images import image_type, type_advice
+from vsnbench.robots.checkup.images import type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros1.graph import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
-from vsnbench.ros1.interface import TF_MESSAGE, Ros1Interface, ros1_interface
+from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros_common.messages import planar
 from vsnbench.sensing.topic_monitor import TopicMessages
@@ -48,8 +48,14 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
-        self.names = ros1_interface(profile)
-        self.topics = _topics(self.names)
+        self.names = names = ros1_interface(profile)
+        others: dict[str, str] = {
+            names.bumper: names.bumper_type,
+            names.cliff: names.cliff_type,
+            names.wheel_drop: names.wheel_drop_type,
+            names.battery: names.battery_type,
+        }
+        self.topics = expected_topics(names, others)
         self._state = SystemState({}, {}, {})
         self._types: dict[str, str] = {}
 
@@ -79,7 +85,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
         from vsnbench.ros1.topic_listener import TopicListener
 
         names = self.names
-        self.listener = TopicListener(DOCTOR, [topic for topic, kind in self.topics.items() if kind != TF_MESSAGE])
+        self.listener = TopicListener(DOCTOR, self.raw_topics)
         self.closing.callback(self.listener.close)
         subscribe_hazards(names, self.hazards.take)
         self.listen(self.listener)
@@ -207,22 +213,6 @@ class Ros1Checkup(RosCheckup, TurnTest):
         from vsnbench.ros1.service_call import ServiceClient
 
         return ServiceClient(self.names.discrete_move, DiscreteServer, replace(self._master, caller=_NODE))
-
-
-def _topics(names: Ros1Interface) -> dict[str, str]:
-    """Return the type of every topic that the robot should publish."""
-    expected = {
-        names.odometry_topic: names.odometry_type,
-        names.color: image_type(names.color),
-        names.depth: image_type(names.depth),
-        names.color_info: "sensor_msgs/CameraInfo",
-        names.depth_info: "sensor_msgs/CameraInfo",
-        names.bumper: names.bumper_type,
-        names.cliff: names.cliff_type,
-        names.wheel_drop: names.wheel_drop_type,
-        names.battery: names.battery_type,
-    }
-    return {topic: kind for topic, kind in expected.items() if topic}
 
 
 def _own_address(master: Master) -> CheckResult:

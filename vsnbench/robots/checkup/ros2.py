@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
-from vsnbench.robots.checkup.images import image_type
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.start import Patience, wait_until_ready
@@ -28,7 +27,7 @@ from vsnbench.robots.ros.watchdog import (
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
 from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
-from vsnbench.ros2.interface import TF_MESSAGE, VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.simulation import ACCOUNT
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
     from vsnbench.ros2.topic_listener import TopicListener
 
 _DEPTH_S = 2.0
-_BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 
 
 class Ros2Checkup(RosCheckup):
@@ -53,7 +51,7 @@ class Ros2Checkup(RosCheckup):
         super().__init__(profile)
         self.names = ros2_interface(profile)
         self.image_turns = self.names.image_turns
-        self.topics = _topics(self.names)
+        self.topics = expected_topics(self.names, {self.names.battery: "sensor_msgs/BatteryState"})
         self.dock = Dock(profile.name, self.names)
         self._others: list[str] = []
 
@@ -65,9 +63,8 @@ class Ros2Checkup(RosCheckup):
         yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
         from vsnbench.ros2.topic_listener import TopicListener
 
-        topics = {topic: kind for topic, kind in self.topics.items() if kind != TF_MESSAGE}
         try:
-            self.listener = TopicListener(DOCTOR, self.names.root, topics)
+            self.listener = TopicListener(DOCTOR, self.names.root, self.raw_topics)
             self.closing.callback(self.listener.close)
         except RobotError as error:
             yield CheckResult("node", Health.FAILED, error.statement, error.advice)
@@ -277,16 +274,3 @@ def graph_result(others: list[str]) -> CheckResult:
         )
         return CheckResult("graph", Health.FAILED, f"{discovery()}: no other nodes", advice)
     return CheckResult("graph", Health.OK, f"{discovery()}: {len(others)} other nodes")
-
-
-def _topics(names: Ros2Interface) -> dict[str, str]:
-    """Return the type of every topic that the robot should publish, for types that every ROS 2 has."""
-    expected = {
-        names.odometry_topic: names.odometry_type,
-        names.color: image_type(names.color).replace("/", "/msg/"),
-        names.depth: image_type(names.depth).replace("/", "/msg/"),
-        names.color_info: "sensor_msgs/msg/CameraInfo",
-        names.depth_info: "sensor_msgs/msg/CameraInfo",
-        names.battery: _BATTERY_STATE,
-    }
-    return {topic: kind for topic, kind in expected.items() if topic}
