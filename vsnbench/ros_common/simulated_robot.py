@@ -11,7 +11,7 @@ from vsnbench.ros_common.interface import OdometryFrames, RosInterface
 from vsnbench.ros_common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
-from vsnbench.simulator.robot_player import Picture, RobotPlayer, SimulationOptions
+from vsnbench.simulator.robot_player import Picture, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -21,11 +21,8 @@ ODOMETRY, TEXT = "nav_msgs/Odometry", "std_msgs/String"
 IMAGE, CAMERA_INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 
 
-class SimulatedRobot(NodeTask):
-    """Publishes the sensors of a simulated robot until it is closed; subclasses connect it to a middleware.
-
-    Is the `RobotOutlet` of the simulator, which calls it from its threads.
-    """
+class SimulatedRobot(NodeTask, RobotOutlet):
+    """Publishes the sensors of a simulated robot until it is closed; subclasses connect it to a middleware."""
 
     color_frame: str
     depth_frame: str
@@ -87,18 +84,6 @@ class SimulatedRobot(NodeTask):
     @abstractmethod
     def _publish_bumper(self, before: Contact | None, now: Contact | None) -> None:
         """Publish the change of a contact on the topic of the bumper."""
-
-    @abstractmethod
-    def publish_time(self, stamp_s: float) -> None:
-        """Publish the simulated time, if it differs from real time."""
-
-    @abstractmethod
-    def publish_battery(self, share: float, stamp_s: float) -> None:
-        """Publish the charge of the battery, 0 to 1."""
-
-    @abstractmethod
-    def publish_lifted(self, lifted: bool) -> None:
-        """Publish that the operator lifted the robot or put it down."""
 
     def take_velocity(self, twist: Any) -> None:
         """Take a geometry_msgs/Twist."""
