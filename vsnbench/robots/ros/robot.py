@@ -182,11 +182,8 @@ class RosRobot(Robot):
         limit_s = longest_duration_s(movement, self._settings) + 2.0
         name = movement_to_json(movement)["kind"]
         looks = PathLooks(self._camera, check) if self._link.names.depth else None
-
-        def call(watch: Callable[[], None]) -> bool:
-            return self._link.drive(movement, limit_s, watch)
-
-        return self.movements.run(RequestedDrive(movement, self._settings), name, call, looks)
+        requested = RequestedDrive(movement, self._settings)
+        return self.movements.run(requested, name, lambda watch: self._link.drive(movement, limit_s, watch), looks)
 
     def locate(self) -> Fix:
         """Return the pose of the simulator, or the start composed with the odometry."""
