@@ -70,19 +70,19 @@ def measure(name: str, steps: int) -> str:
             began_s = time.perf_counter()
             result = robot.execute(Action.TURN_LEFT if step % 2 else Action.TURN_RIGHT)
             moved_s = time.perf_counter()
-            robot.observe()
+            seen = robot.observe()
             ended_s = time.perf_counter()
-            outcome, capture = robot.movements.last_outcome, robot.last_capture
-            if not result.completed or outcome is None or capture is None:
+            outcome, waited_s = robot.movements.last_outcome, seen.sensing["waited_s"]
+            if not result.completed or outcome is None:
                 sys.stderr.write(f"step {step}: {result.failure}\n")
                 continue
             parts["step"].append(ended_s - began_s)
             parts["motion"].append(outcome.duration_s)
-            parts["frames"].append(min(frames_s, capture.waited_s))
+            parts["frames"].append(min(frames_s, waited_s))
             parts["call"].append(moved_s - began_s - outcome.duration_s)
-            parts["wait"].append(max(capture.waited_s - frames_s, 0.0))
-            parts["compute"].append(capture.computed_s)
-            parts["ours"].append(ended_s - began_s - outcome.duration_s - min(frames_s, capture.waited_s))
+            parts["wait"].append(max(waited_s - frames_s, 0.0))
+            parts["compute"].append(seen.sensing["computed_s"])
+            parts["ours"].append(ended_s - began_s - outcome.duration_s - min(frames_s, waited_s))
     lines = [f"{name}, {len(parts['step'])} steps", "", "| part of a step | median | p90 |", "| --- | --- | --- |"]
     for part, words in PARTS.items():
         median, p90 = statistics.median(parts[part]), statistics.quantiles(parts[part], n=10)[-1]

@@ -3,15 +3,14 @@
 import struct
 from io import BytesIO
 
-import genmsg.gentools
 import genpy
 import pytest
-from genmsg.msg_loader import MsgContext, load_msg_from_string
 from genpy.dynamic import generate_dynamic
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Header
 
-from vsnbench.ros1.battery import DEFINITION, SensorState, battery_in, battery_message
+from vsnbench.ros1.battery import battery_in, battery_message
+from vsnbench.ros1.messages import SensorState
 from vsnbench.values.battery import Battery
 
 pytestmark = pytest.mark.ros
@@ -23,15 +22,6 @@ def written(message) -> bytes:
     return buffer.getvalue()
 
 
-def test_the_message_is_that_of_the_released_package() -> None:
-    known = MsgContext.create_default()
-    load_msg_from_string(known, Header._full_text, "std_msgs/Header")
-    spec = load_msg_from_string(known, DEFINITION, SensorState._type)
-    assert genmsg.gentools.compute_md5(known, spec) == SensorState._md5sum == "92e992cd3c66c18711c1ce707090fcc1"
-    assert list(SensorState.__slots__) == spec.names
-    assert SensorState._slot_types == spec.types
-
-
 def test_its_bytes_are_those_that_ros_s_own_generator_reads_and_writes() -> None:
     theirs = generate_dynamic(SensorState._type, SensorState._full_text)[SensorState._type]
     header = Header(seq=3, stamp=genpy.Time(5, 7), frame_id="base")
@@ -40,12 +30,12 @@ def test_its_bytes_are_those_that_ros_s_own_generator_reads_and_writes() -> None
     data = written(SensorState(**fields, **lists))
     assert data == written(theirs(**fields, **(lists | {"current": bytes([4, 5])})))
     back = SensorState().deserialize(data)
-    assert (back.battery, back.left_pwm, back.bottom, back.digital_input) == (158, -3, (1000, 2000, 3000), 9)
+    assert (back.battery, back.left_pwm, back.bottom, back.digital_input) == (158, -3, [1000, 2000, 3000], 9)
     assert written(SensorState()) == written(theirs())
     for length in range(len(data)):
         with pytest.raises(genpy.DeserializationError):
             SensorState().deserialize(data[:length])
-    with pytest.raises(genpy.DeserializationError, match="announced"):
+    with pytest.raises(genpy.DeserializationError, match="bottom"):
         SensorState().deserialize(data[:34] + struct.pack("<I", 2**32 - 1) + data[38:])
 
 

@@ -39,7 +39,7 @@ class Stand:
     base: Process
 
     def client(self) -> ServiceClient:
-        return ServiceClient("/discrete_move", DiscreteServer, self.network.master, "/test")
+        return ServiceClient("/discrete_move", DiscreteServer, self.network.master)
 
     def ask(self, movement: str, angle: int = 0) -> bool:
         return bool(self.client().call(DiscreteServerRequest(movement, angle), PATIENCE_S).response)

@@ -11,6 +11,7 @@ from genmsg.msg_loader import MsgContext, load_msg_from_string
 from genmsg.srvs import SrvSpec
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from std_msgs.msg import Header
 
 from vsnbench.ros1 import messages
 
@@ -24,17 +25,24 @@ MESSAGES = [
     messages.BumperEvent,
     messages.CliffEvent,
     messages.WheelDropEvent,
+    messages.SensorState,
 ]
 SERVICES = [messages.DiscreteServer, messages.PlaceRobot]
 
 
+def context():
+    known = MsgContext.create_default()
+    load_msg_from_string(known, Header._full_text, "std_msgs/Header")
+    return known
+
+
 def spec_of(message):
-    return load_msg_from_string(MsgContext.create_default(), message._full_text, message._type)
+    return load_msg_from_string(context(), message._full_text.partition("=" * 80)[0], message._type)
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: m.__name__)
 def test_the_md5_is_the_one_that_ros_computes_from_the_definition(message) -> None:
-    assert genmsg.gentools.compute_md5(MsgContext.create_default(), spec_of(message)) == message._md5sum
+    assert genmsg.gentools.compute_md5(context(), spec_of(message)) == message._md5sum
 
 
 @pytest.mark.parametrize("service", SERVICES, ids=lambda s: s.__name__)
@@ -42,7 +50,7 @@ def test_the_md5_of_a_service_is_the_one_that_ros_computes(service) -> None:
     request, response = spec_of(service._request_class), spec_of(service._response_class)
     package, name = service._type.split("/")
     spec = SrvSpec(request, response, service._request_class._full_text, service._type, package, name)
-    assert genmsg.gentools.compute_md5(MsgContext.create_default(), spec) == service._md5sum
+    assert genmsg.gentools.compute_md5(context(), spec) == service._md5sum
 
 
 def test_the_md5s_are_those_of_the_released_packages() -> None:
@@ -50,6 +58,7 @@ def test_the_md5s_are_those_of_the_released_packages() -> None:
     assert messages.BumperEvent._md5sum == "ffe360cd50f14f9251d9844083e72ac5"
     assert messages.CliffEvent._md5sum == "c5b106efbb1427a94f517c5e05f06295"
     assert messages.WheelDropEvent._md5sum == "e102837d89384d67669a0df86b63f33b"
+    assert messages.SensorState._md5sum == "92e992cd3c66c18711c1ce707090fcc1"
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: m.__name__)

@@ -33,7 +33,7 @@ def server(network):
 
 @pytest.fixture
 def client(network, server) -> ServiceClient:
-    return ServiceClient("/discrete_move", DiscreteServer, network.master, "/test")
+    return ServiceClient("/discrete_move", DiscreteServer, network.master)
 
 
 def ask(client: ServiceClient, movement: str = "Forward", angle: int = 0, timeout_s: float = 20.0, watch=None) -> bool:
@@ -141,7 +141,7 @@ def test_a_handler_that_fails_is_refused_with_its_reason(client) -> None:
 
 
 def test_another_service_type_is_refused_with_its_reason(network, server) -> None:
-    wrong = ServiceClient("/discrete_move", PlaceRobot, network.master, "/test")
+    wrong = ServiceClient("/discrete_move", PlaceRobot, network.master)
     with pytest.raises(ServiceRefusedError, match="md5sum"):
         wrong.call(PlaceRobotRequest(), 10)
     with pytest.raises(ServiceRefusedError, match="md5sum"):
@@ -150,7 +150,7 @@ def test_another_service_type_is_refused_with_its_reason(network, server) -> Non
 
 def test_a_service_without_a_server_is_unavailable(network) -> None:
     with pytest.raises(ServiceUnavailableError, match="/nowhere"):
-        ServiceClient("/nowhere", DiscreteServer, network.master, "/test").call(DiscreteServerRequest(), 5)
+        ServiceClient("/nowhere", DiscreteServer, network.master).call(DiscreteServerRequest(), 5)
 
 
 class FixedMaster(Master):
@@ -183,7 +183,7 @@ def test_an_invalid_answer_ends_the_call_in_time(answer: bytes, error) -> None:
         uri = f"rosrpc://127.0.0.1:{listener.getsockname()[1]}"
         began = time.monotonic()
         with pytest.raises(error):
-            ServiceClient("/x", DiscreteServer, FixedMaster(uri), "/t").call(DiscreteServerRequest(), 0.5)
+            ServiceClient("/x", DiscreteServer, FixedMaster(uri)).call(DiscreteServerRequest(), 0.5)
         assert time.monotonic() - began < 5
         thread.join()
         held[0].close()

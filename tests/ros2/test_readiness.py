@@ -8,7 +8,7 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.ros2.docking import Dock
 from vsnbench.ros2.graph import Endpoint
 from vsnbench.ros2.interface import ros2_interface
-from vsnbench.ros2.readiness import Parts, Readiness
+from vsnbench.ros2.readiness import Readiness
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 
 PROFILE = load_profile("turtlebot4")
@@ -25,17 +25,18 @@ class Robot:
         self.kinds: dict[str, str] = {}
         self.dock = Dock(PROFILE.name, NAMES)
         self.chosen = 0
-        parts = Parts(
+        self.readiness = Readiness(
+            NAMES,
+            self.snapshot,
+            lambda: "",
             PROFILE.name,
             SimpleNamespace(began_s=time.monotonic() - 60, full_name="/vsnbench_500"),
             SimpleNamespace(nodes=lambda: self.nodes, publishers=self.publishers),
             lambda: None,
             self.choose_server,
-            lambda: "",
             self.dock,
             ["/hazard_detection"],
         )
-        self.readiness = Readiness(NAMES, self.snapshot, parts)
         self.report_sensors()
 
     def publishers(self, topic: str) -> list[Endpoint]:

@@ -56,7 +56,7 @@ class Wire:
         self.takers.append(take)
 
 
-def velocities(wire: Wire, names: Ros2Interface = NAMES, take: Any = None) -> Velocities:
+def velocities(wire: Wire, names: Ros2Interface = NAMES, take: Any = lambda *_: None) -> Velocities:
     return Velocities(wire, wire, names, take)  # type: ignore[arg-type]
 
 

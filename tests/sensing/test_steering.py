@@ -3,8 +3,7 @@
 import time
 
 from tests.processes import wait_until
-from vsnbench.control.command import Command
-from vsnbench.sensing.steering import SentCommands, ZeroHold
+from vsnbench.sensing.steering import ZeroHold
 
 
 def test_a_held_base_gets_a_stream_and_not_an_answer_alone() -> None:
@@ -29,10 +28,3 @@ def test_the_stream_ends_and_begins_again_with_the_rival() -> None:
     hold.answer()
     wait_until(lambda: len(sent_s) > sent + 20, "it is streamed again")
     hold.release()
-
-
-def test_a_process_recognizes_its_own_velocities() -> None:
-    sent = SentCommands()
-    sent.add(Command(0.1, 0.0))
-    assert Command(0.1, 0.0) in sent
-    assert Command(0.2, 0.0) not in sent

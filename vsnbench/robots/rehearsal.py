@@ -59,7 +59,8 @@ class RehearsalRobot(SimulatedRobot):
         """
         if not self._is_placed:
             raise RobotError("the robot has not been placed yet", advice="place it at its mark first")
-        super().begin(_with_mark_at(start, self._physics.pose), seed)
+        here = self._physics.pose
+        super().begin(start.model_copy(update={"position": here.position, "heading_deg": here.heading_deg}), seed)
         self._start = start.pose
 
     def set_start_pose(self, pose: Pose) -> None:
@@ -75,8 +76,3 @@ class RehearsalRobot(SimulatedRobot):
         self._physics.place(pose)
         touch = self._physics.touch()
         return self._name_of(touch) if touch else ""
-
-
-def _with_mark_at(start: StartingPosition, pose: Pose) -> StartingPosition:
-    """Return the start with its mark at a pose."""
-    return start.model_copy(update={"position": pose.position, "heading_deg": pose.heading_deg})

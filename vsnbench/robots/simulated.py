@@ -16,10 +16,10 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, PathCheck, Robot
+from vsnbench.sensing.movement_check import distance_along
 from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryDrift, noisy_depth
 from vsnbench.simulator.dynamics.odometry import WheelOdometry
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
-from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
@@ -72,7 +72,7 @@ class SimulatedRobot(Robot):
         scene = build_scene(site)
         self._physics = Physics(scene, profile.base)
         self._renderer = Renderer(scene)
-        self._shininess = _shininess_of_objects(scene, len(site.objects))
+        self._shininess = scene.shininess(len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
@@ -117,33 +117,27 @@ class SimulatedRobot(Robot):
 
     def _view(self, camera: Camera, depth_rng: np.random.Generator) -> Observation:
         here = self._physics.pose
-        if not self._draws_colours:
+        colours: dict[str, Any] = {}
+        if self._draws_colours:
+            view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
+            depth_m = view.depth_m
+            colours = {"rgb": view.rgb, "instances": None}
+            if isinstance(view, Frame):
+                depth_m = self._with_noise(view, depth_rng)
+                colours["instances"] = InstanceImage(view.instance, self._categories)
+        else:
             depth_m = self._renderer.measure(camera, here)
-            beyond_range = depth_m > np.float32(camera.depth_max_m)
-            mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-            return observation_of(
-                self._physics.time_s,
-                camera,
-                depth_m=depth_m,
-                pose=_reported(self._odometry),
-                beyond_range=beyond_range,
-            )
-        view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
-        depth_m = view.depth_m
-        if self.noise is not None and isinstance(view, Frame):
-            shininess = self._shininess[view.instance]
-            depth_m = noisy_depth(depth_m, view.rgb, shininess, self.noise.depth, depth_rng)
         beyond_range = depth_m > np.float32(camera.depth_max_m)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        return Observation(
-            rgb=view.rgb,
-            depth_m=depth_m,
-            pose=_reported(self._odometry),
-            stamp_s=self._physics.time_s,
-            camera=camera,
-            instances=InstanceImage(view.instance, self._categories) if isinstance(view, Frame) else None,
-            beyond_range=beyond_range,
+        pose = _reported(self._odometry)
+        return observation_of(
+            self._physics.time_s, camera, depth_m=depth_m, pose=pose, beyond_range=beyond_range, **colours
         )
+
+    def _with_noise(self, view: Frame, rng: np.random.Generator) -> npt.NDArray[np.float32]:
+        if self.noise is None:
+            return view.depth_m
+        return noisy_depth(view.depth_m, view.rgb, self._shininess[view.instance], self.noise.depth, rng)
 
     def execute(self, action: Action) -> MotionResult:
         """Execute an action. A contact stops it at once."""
@@ -201,25 +195,20 @@ class SimulatedRobot(Robot):
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""
         camera = self.profile.camera.without_roll
-        depth_m = self._depth(camera)
+        if self.noise is None:
+            depth_m = self._renderer.measure(camera, self._physics.pose)
+        else:
+            depth_m = self._with_noise(self._renderer.render(camera, self._physics.pose), self._depth_rng)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
-
-    def _depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        if self.noise is None:
-            return self._renderer.measure(camera, self._physics.pose)
-        view = self._renderer.render(camera, self._physics.pose)
-        shininess = self._shininess[view.instance]
-        return noisy_depth(view.depth_m, view.rgb, shininess, self.noise.depth, self._depth_rng)
 
     def _result(self, controller: Controller | None, start: Pose, start_s: float, touch: Touch | None) -> MotionResult:
         """Return the measured motion since `start`; without a controller, the robot had nothing to do."""
         self._read_odometry(fresh=True)
         motion = self._odometry.relative_to(start)
-        distance_m = start.distance_to(self._odometry)
         return MotionResult(
             completed=controller is None or controller.done,
-            displacement_m=distance_m if motion.x_m >= 0 else -distance_m,
+            displacement_m=distance_along(start, self._odometry),
             turn_rad=motion.heading_rad,
             duration_s=self._physics.time_s - start_s,
             collision=Collision(CollisionSource.CONTACT, self._name_of(touch)) if touch else None,
@@ -262,12 +251,3 @@ class SimulatedRobot(Robot):
 def _reported(pose: Pose) -> Pose:
     """Return odometry with a wrapped heading, as robots report it."""
     return Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
-
-
-def _shininess_of_objects(scene: Scene, objects: int) -> npt.NDArray[np.float32]:
-    """Return the largest shininess of the parts of each instance; 0 for the building."""
-    shininess = np.zeros(objects + 1, np.float32)
-    for primitive in scene.primitives:
-        if primitive.instance and primitive.visible:
-            shininess[primitive.instance] = max(shininess[primitive.instance], primitive.material.shininess)
-    return shininess

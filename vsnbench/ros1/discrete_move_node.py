@@ -1,7 +1,4 @@
-"""The discrete_move node over ROS 1, with the service name, type and meaning of upstream.
-
-Imported only where ROS 1 is installed.
-"""
+"""The discrete_move node over ROS 1, with the service name, type and meaning of upstream."""
 
 import json
 import select
@@ -27,6 +24,7 @@ from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
 from vsnbench.ros1.node import now_s, publish_while_open, sleep_until
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common.discrete_move import NODE, DiscreteMoveTask, mover_of
+from vsnbench.sensing.movements import Outcome
 from vsnbench.values.robot_profile import RobotProfile
 
 __all__ = ["NODE", "DiscreteMoveNode"]
@@ -94,17 +92,17 @@ class DiscreteMoveNode(DiscreteMoveTask):
             self.take_foreign_command(message, node)
 
     def _on_request(self, request: Any) -> Any:
-        outcome = self.execute(request.movement, request.angle, self._service.caller_gone)
-        # The bool of the service has no room for the reason.
-        publish_while_open(self._outcomes, String(json.dumps(asdict(outcome))))
-        return DiscreteServerResponse(outcome.answer)
+        return self._answer(self.execute(request.movement, request.angle, self._service.caller_gone))
 
     def _on_drive(self, request: Any) -> Any:
         try:
             content = json.loads(request.movement)
         except (ValueError, RecursionError):
             content = None
-        outcome = self.drive(content, self._drive.caller_gone)
+        return self._answer(self.drive(content, self._drive.caller_gone))
+
+    def _answer(self, outcome: Outcome) -> Any:
+        # The bool of the service has no room for the reason.
         publish_while_open(self._outcomes, String(json.dumps(asdict(outcome))))
         return DiscreteServerResponse(outcome.answer)
 

@@ -4,19 +4,21 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from vsnbench.ros_common.interface import RosInterface, require_interface
+from vsnbench.ros_common.interface import SHARED_TOPICS, RosInterface, require_interface
 from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
 """Name of a topic or service; empty for a part that the robot does not have."""
-TF_MESSAGE = "tf2_msgs/TFMessage"
-"""Type of the messages of TF."""
 
 
 class Ros1Interface(RosInterface):
     """Topics and services of a robot on a ROS 1 network; an empty name means that the robot does not have the part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title = "over ROS 1"
+    contact_fields = ("bumper",)
+    distinct_fields = (*SHARED_TOPICS, "cliff", "wheel_drop", "battery")
 
     kind: Literal["ros1"]
     command: RosName = Field(default="/cmd_vel", min_length=1)
@@ -40,11 +42,6 @@ class Ros1Interface(RosInterface):
     command_timeout_s: float = Field(
         default=0.6, gt=0, le=60, description="time without a command after which the base stops"
     )
-
-    @property
-    def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
 
 
 def ros1_interface(profile: RobotProfile) -> Ros1Interface:

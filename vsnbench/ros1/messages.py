@@ -1,32 +1,37 @@
 """Messages and services without a distribution package, wire-compatible with the generated classes.
 
-Imported only where ROS 1 is installed. `_full_text` is the definition that ROS tools print. `_md5sum` must be its md5,
-or other nodes refuse the connection; a test computes it with the tools of ROS.
+`_full_text` is the definition that ROS tools print. `_md5sum` must be its md5, or other nodes refuse the connection; a
+test computes it with the tools of ROS.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from typing import Any, ClassVar
 
 import genpy
 from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
+from std_msgs.msg import Bool, Header, String
 
 from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.messages import fill_transform
 
-_FORMATS: Mapping[str, str] = {
-    "bool": "?",
-    "uint8": "B",
-    "uint16": "H",
-    "int64": "q",
-    "float64": "d",
-}
-_DEFAULTS: Mapping[str, Any] = {"string": "", "bool": False, "uint8": 0, "uint16": 0, "int64": 0, "float64": 0.0}
+_FORMATS = {"bool": "?", "int8": "b", "uint8": "B", "uint16": "H", "int64": "q", "float64": "d"}
+_HEADER = "std_msgs/Header"
+_STAMPED = {_HEADER: (Header, 1, 0), "geometry_msgs/TransformStamped": (TransformStamped, 2, 7 * 8)}
+"""Messages that begin with a counter and a stamp: class, number of strings after them, number of bytes at the end."""
+_OTHER_TYPES = "=" * 80
+"""Line before the definitions of the types of the fields."""
 
 
-class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
-    """A message of numbers and length-prefixed strings; fields in order, little-endian."""
+class DefinedMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
+    """A message with the fields and constants of its definition in `_full_text`; little-endian.
+
+    Its fields are numbers, strings, messages of _STAMPED, and lists of these.
+    """
 
     __slots__: Sequence[str] = ()
     _type = ""
@@ -35,12 +40,23 @@ class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
     _full_text = ""
     _slot_types: ClassVar[list[str]] = []
 
+    def __init_subclass__(cls) -> None:
+        fields = {}
+        for line in cls._full_text.partition(_OTHER_TYPES)[0].splitlines():
+            kind, _, rest = line.partition(" ")
+            name, is_constant, value = rest.partition("=")
+            # The tools of ROS read fields of the class.
+            setattr(cls, name, int(value) if is_constant else None)
+            if not is_constant:
+                fields[name] = _HEADER if kind == "Header" else kind
+        cls.__slots__, cls._slot_types = tuple(fields), list(fields.values())
+        cls._has_header = _HEADER in cls._slot_types
+
     def __init__(self, *args: Any, **fields: Any) -> None:
-        if args or fields:
-            super().__init__(*args, **fields)
+        super().__init__(*args, **fields)
         for name, kind in zip(self.__slots__, self._slot_types, strict=True):
-            if getattr(self, name, None) is None:
-                setattr(self, name, _DEFAULTS[kind])
+            if getattr(self, name) is None:
+                setattr(self, name, _default(kind))
 
     def _get_types(self) -> list[str]:
         return self._slot_types
@@ -54,62 +70,99 @@ class FlatMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
         for name, kind in zip(self.__slots__, self._slot_types, strict=True):
             value = getattr(self, name)
             try:
-                if kind == "string":
-                    data = value if isinstance(value, bytes) else value.encode()
-                    buff.write(struct.pack("<I", len(data)) + data)
-                else:
-                    buff.write(struct.pack(f"<{_FORMATS[kind]}", value))
-            except (struct.error, AttributeError) as error:
+                _write(kind, value, buff)
+            except (struct.error, AttributeError, TypeError) as error:
                 raise genpy.SerializationError(f"{self._type}.{name}: {value!r} is not a {kind}") from error
 
-    def deserialize(self, data: bytes) -> "FlatMessage":
+    def deserialize(self, data: bytes) -> "DefinedMessage":
         """Read the message from `data` and return it.
 
         Raises:
             genpy.DeserializationError: the data is too short.
         """
         offset = 0
-        try:
-            for name, kind in zip(self.__slots__, self._slot_types, strict=True):
-                if kind == "string":
-                    (length,) = struct.unpack_from("<I", data, offset)
-                    offset += 4
-                    if offset + length > len(data):
-                        raise genpy.DeserializationError(
-                            f"{self._type}.{name}: {length} bytes announced, fewer received"
-                        )
-                    setattr(self, name, data[offset : offset + length].decode("utf-8", "replace"))
-                    offset += length
-                else:
-                    setattr(self, name, struct.unpack_from(f"<{_FORMATS[kind]}", data, offset)[0])
-                    offset += _size(kind)
-        except struct.error as error:
-            raise genpy.DeserializationError(f"{self._type}: {error}") from error
+        for name, kind in zip(self.__slots__, self._slot_types, strict=True):
+            try:
+                value, offset = _read(kind, data, offset)
+            except (struct.error, genpy.DeserializationError) as error:
+                raise genpy.DeserializationError(f"{self._type}.{name}: {error}") from error
+            setattr(self, name, value)
         return self
 
 
-def _size(kind: str) -> int:
-    return struct.calcsize(f"<{_FORMATS[kind]}")
+def _default(kind: str) -> Any:
+    if kind in _STAMPED:
+        return _STAMPED[kind][0]()
+    return {"string": "", "bool": False, "float64": 0.0}.get(kind, [] if kind.endswith("[]") else 0)
 
 
-class DiscreteServerRequest(FlatMessage):
+def _write(kind: str, value: Any, buff: BytesIO) -> None:
+    element = kind.removesuffix("[]")
+    if kind == "string":
+        data = value if isinstance(value, bytes) else value.encode()
+        buff.write(struct.pack("<I", len(data)) + data)
+    elif kind != element:
+        buff.write(struct.pack("<I", len(value)))
+        for part in value:
+            _write(element, part, buff)
+    elif kind in _FORMATS:
+        buff.write(struct.pack(f"<{_FORMATS[kind]}", value))
+    else:
+        value.serialize(buff)
+
+
+def _read(kind: str, data: bytes, offset: int) -> tuple[Any, int]:
+    """Return the value at an offset, and the offset after it.
+
+    Raises:
+        struct.error: the data is too short.
+        genpy.DeserializationError: the data is not of that type.
+    """
+    element = kind.removesuffix("[]")
+    if kind == "string":
+        end = _end_of_string(data, offset)
+        return data[offset + 4 : end].decode("utf-8", "replace"), end
+    if kind != element:
+        (count,), end = struct.unpack_from("<I", data, offset), offset + 4
+        values = []
+        for _ in range(count):
+            value, end = _read(element, data, end)
+            values.append(value)
+        return values, end
+    if kind in _FORMATS:
+        form = f"<{_FORMATS[kind]}"
+        return struct.unpack_from(form, data, offset)[0], offset + struct.calcsize(form)
+    message_class, strings, last_bytes = _STAMPED[kind]
+    end = offset + 12
+    for _ in range(strings):
+        end = _end_of_string(data, end)
+    end += last_bytes
+    if end > len(data):
+        raise struct.error(f"it ends at byte {end} of {len(data)}")
+    return message_class().deserialize(data[offset:end]), end
+
+
+def _end_of_string(data: bytes, offset: int) -> int:
+    (length,) = struct.unpack_from("<I", data, offset)
+    if offset + 4 + length > len(data):
+        raise struct.error(f"{length} bytes announced, fewer received")
+    return int(offset + 4 + length)
+
+
+class DiscreteServerRequest(DefinedMessage):
     """Request of discrete_move: `Forward`, `Backward`, `Left`, `Right` or `Stop`, and the degrees of a turn."""
 
-    __slots__ = ("movement", "angle")
     _type = "discrete_move/DiscreteServerRequest"
     _md5sum = "8af93c4cd82a5abcfd21b06085ad7ac3"
     _full_text = "string movement\nint64 angle\n"
-    _slot_types: ClassVar[list[str]] = ["string", "int64"]
 
 
-class DiscreteServerResponse(FlatMessage):
+class DiscreteServerResponse(DefinedMessage):
     """Whether the movement succeeded."""
 
-    __slots__ = ("response",)
     _type = "discrete_move/DiscreteServerResponse"
     _md5sum = "003b81baa95ab323fc1ddf3c7d0bee81"
     _full_text = "bool response\n"
-    _slot_types: ClassVar[list[str]] = ["bool"]
 
 
 class DiscreteServer:
@@ -121,24 +174,20 @@ class DiscreteServer:
     _response_class = DiscreteServerResponse
 
 
-class PlaceRobotRequest(FlatMessage):
+class PlaceRobotRequest(DefinedMessage):
     """Pose of a simulated robot in its site, metres and radians, and the seed of its noise."""
 
-    __slots__ = ("x", "y", "heading", "seed")
     _type = "vsnbench/PlaceRobotRequest"
     _md5sum = "6a35d4ed577d314d3842ed2f66a81a3f"
     _full_text = "float64 x\nfloat64 y\nfloat64 heading\nint64 seed\n"
-    _slot_types: ClassVar[list[str]] = ["float64", "float64", "float64", "int64"]
 
 
-class PlaceRobotResponse(FlatMessage):
+class PlaceRobotResponse(DefinedMessage):
     """Whether the robot was placed, and why not."""
 
-    __slots__ = ("success", "message")
     _type = "vsnbench/PlaceRobotResponse"
     _md5sum = "937c9679a518e3a18d831e57125ea522"
     _full_text = "bool success\nstring message\n"
-    _slot_types: ClassVar[list[str]] = ["bool", "string"]
 
 
 class PlaceRobot:
@@ -150,10 +199,9 @@ class PlaceRobot:
     _response_class = PlaceRobotResponse
 
 
-class BumperEvent(FlatMessage):
+class BumperEvent(DefinedMessage):
     """Press or release of a bumper of a Kobuki."""
 
-    __slots__ = ("bumper", "state")
     _type = "kobuki_msgs/BumperEvent"
     _md5sum = "ffe360cd50f14f9251d9844083e72ac5"
     _full_text = """uint8 LEFT=0
@@ -164,15 +212,11 @@ uint8 PRESSED=1
 uint8 bumper
 uint8 state
 """
-    _slot_types: ClassVar[list[str]] = ["uint8", "uint8"]
-    LEFT, CENTER, RIGHT = 0, 1, 2
-    RELEASED, PRESSED = 0, 1
 
 
-class CliffEvent(FlatMessage):
+class CliffEvent(DefinedMessage):
     """Loss or return of the floor under a cliff sensor of a Kobuki."""
 
-    __slots__ = ("sensor", "state", "bottom")
     _type = "kobuki_msgs/CliffEvent"
     _md5sum = "c5b106efbb1427a94f517c5e05f06295"
     _full_text = """uint8 LEFT=0
@@ -184,15 +228,11 @@ uint8 sensor
 uint8 state
 uint16 bottom
 """
-    _slot_types: ClassVar[list[str]] = ["uint8", "uint8", "uint16"]
-    LEFT, CENTER, RIGHT = 0, 1, 2
-    FLOOR, CLIFF = 0, 1
 
 
-class WheelDropEvent(FlatMessage):
+class WheelDropEvent(DefinedMessage):
     """Drop or raise of a wheel of a Kobuki; wheels drop when the robot is lifted."""
 
-    __slots__ = ("wheel", "state")
     _type = "kobuki_msgs/WheelDropEvent"
     _md5sum = "e102837d89384d67669a0df86b63f33b"
     _full_text = """uint8 LEFT=0
@@ -202,61 +242,56 @@ uint8 DROPPED=1
 uint8 wheel
 uint8 state
 """
-    _slot_types: ClassVar[list[str]] = ["uint8", "uint8"]
-    LEFT, RIGHT = 0, 1
-    RAISED, DROPPED = 0, 1
 
 
-class TFMessage(genpy.Message):  # type: ignore[misc]  # ROS ships no types
+class SensorState(DefinedMessage):
+    """State of all sensors of a Kobuki, 50 Hz on mobile_base/sensors/core; `battery` is in 0.1 V."""
+
+    _type = "kobuki_msgs/SensorState"
+    _md5sum = "92e992cd3c66c18711c1ce707090fcc1"
+    _full_text = f"""uint8 Button0=1
+uint8 Button1=2
+uint8 Button2=4
+uint8 ADAPTER=16
+uint8 DISCHARGING=0
+uint8 CHARGED=2
+uint8 CHARGING=6
+Header header
+uint16 time_stamp
+uint8 bumper
+uint8 wheel_drop
+uint8 cliff
+uint16 left_encoder
+uint16 right_encoder
+int8 left_pwm
+int8 right_pwm
+uint8 buttons
+uint8 charger
+uint8 battery
+uint16[] bottom
+uint8[] current
+uint8 over_current
+uint16 digital_input
+uint16[] analog_input
+{_OTHER_TYPES}
+MSG: {_HEADER}
+{Header._full_text}"""  # noqa: SLF001
+
+
+class TFMessage(DefinedMessage):
     """Transforms between frames; Debian has the generated class in the separate package python3-tf2-msgs."""
 
-    __slots__ = ("transforms",)
     _type = "tf2_msgs/TFMessage"
     _md5sum = "94810edda583a504dfda3829e70d7eec"
-    _has_header = False
     _full_text = "geometry_msgs/TransformStamped[] transforms\n"
-    _slot_types: ClassVar[list[str]] = ["geometry_msgs/TransformStamped[]"]
-
-    def __init__(self, transforms: list[Any] | None = None) -> None:
-        self.transforms = [] if transforms is None else transforms
-
-    def _get_types(self) -> list[str]:
-        return self._slot_types
-
-    def serialize(self, buff: BytesIO) -> None:
-        """Write the message to `buff`."""
-        buff.write(struct.pack("<I", len(self.transforms)))
-        for transform in self.transforms:
-            transform.serialize(buff)
-
-    def deserialize(self, data: bytes) -> "TFMessage":
-        """Read the message from `data` and return it.
-
-        Raises:
-            genpy.DeserializationError: the data is too short.
-        """
-        try:
-            (count,) = struct.unpack_from("<I", data)
-            end, transforms = 4, []
-            for _ in range(count):
-                begin, end = end, _end_of_transform(data, end)
-                transforms.append(TransformStamped().deserialize(data[begin:end]))
-        except (struct.error, genpy.DeserializationError) as error:
-            raise genpy.DeserializationError(f"{self._type}: {error}") from error
-        self.transforms = transforms
-        return self
 
 
-def _end_of_transform(data: bytes, begin: int) -> int:
-    """Return the end of a transform: counter and stamp, two length-prefixed names, seven float64."""
-    end = begin + 12
-    for _ in range(2):
-        (length,) = struct.unpack_from("<I", data, end)
-        end += 4 + length
-    end += 7 * 8
-    if end > len(data):
-        raise struct.error(f"a transform ends at byte {end} of {len(data)}")
-    return end
+_STANDARD = (BatteryState, Bool, CameraInfo, Clock, CompressedImage, Image, Odometry, String)
+MESSAGE_CLASSES: dict[str, Any] = {
+    message_class._type: message_class  # noqa: SLF001
+    for message_class in (*_STANDARD, BumperEvent, CliffEvent, SensorState, TFMessage, WheelDropEvent)
+}
+"""Classes of the messages of topics by type."""
 
 
 def tf_message(odometry: Any, frames: OdometryFrames) -> TFMessage:

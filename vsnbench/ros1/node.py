@@ -1,7 +1,4 @@
-"""A ROS 1 node that never hangs without a master, ends no other node and leaves signal handlers alone.
-
-Imported only where ROS 1 is installed.
-"""
+"""A ROS 1 node that never hangs without a master, ends no other node and leaves signal handlers alone."""
 
 import os
 import sys
@@ -19,6 +16,7 @@ import rospy.rostime
 from vsnbench.errors import RobotError
 from vsnbench.ros1.graph import server_of
 from vsnbench.ros1.master import Master, MasterError, call_xmlrpc
+from vsnbench.ros_common import node
 from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask
 from vsnbench.runtime.signals import EndAsked
 
@@ -82,14 +80,9 @@ def now_s() -> float:
     return time.monotonic() if rospy.rostime.is_wallclock() else float(rospy.get_time())
 
 
-def sleep_until(due_s: float, give_up_wall_s: float = 1.0) -> None:
-    """Sleep until `now_s()` reaches `due_s`, or for `give_up_wall_s` of real time.
-
-    The sleep of rospy has no such limit: it hangs when the simulated clock stops.
-    """
-    give_up_s = time.monotonic() + give_up_wall_s
-    while (left_s := due_s - now_s()) > 0 and time.monotonic() < give_up_s:
-        time.sleep(min(left_s, give_up_wall_s) if rospy.rostime.is_wallclock() else 0.001)
+def sleep_until(due_s: float) -> None:
+    """Sleep until `now_s()` reaches `due_s`; see `ros_common.node.sleep_until`."""
+    node.sleep_until(due_s, now_s, lambda: not rospy.rostime.is_wallclock())
 
 
 class MasterWatch:

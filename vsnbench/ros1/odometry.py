@@ -1,7 +1,4 @@
-"""Subscription to the odometry of a base over ROS 1.
-
-Imported only where ROS 1 is installed.
-"""
+"""Subscription to the odometry of a base over ROS 1."""
 
 from typing import Any
 

@@ -1,10 +1,7 @@
-"""Checks that every part of a robot on a ROS 1 network answers.
-
-Imported only where ROS 1 is installed.
-"""
+"""Checks that every part of a robot on a ROS 1 network answers."""
 
 import time
-from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
 from vsnbench.ros1.graph import graph_faults, steering_nodes, unregistered_publisher
@@ -13,36 +10,21 @@ from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros1.service_call import ServiceClient
 from vsnbench.ros_common import readiness
 from vsnbench.sensing.robot_reports import RobotSnapshot
-from vsnbench.values.robot_profile import RobotProfile
 
 
+@dataclass
 class Readiness(readiness.Readiness):
-    """Finds the first part of a robot that does not answer.
-
-    Attributes:
-        steering: nodes that execute the movements of this session.
-    """
+    """Finds the first part of a robot that does not answer."""
 
     names: Ros1Interface
-
-    def __init__(
-        self,
-        profile: RobotProfile,
-        names: Ros1Interface,
-        snapshot: Callable[[], RobotSnapshot],
-        odometry_fault: Callable[[], str],
-        master: Master,
-        discrete_move: ServiceClient,
-    ) -> None:
-        super().__init__(names, snapshot, odometry_fault)
-        self._profile_name = profile.name
-        self._master = master
-        self._discrete_move = discrete_move
-        self._state = SystemState({}, {}, {})
-        self.steering: frozenset[str] = frozenset()
+    master: Master
+    discrete_move: ServiceClient
+    steering: frozenset[str] = field(init=False, default=frozenset())
+    """Nodes that execute the movements of this session."""
+    _state: SystemState = field(init=False, default_factory=lambda: SystemState({}, {}, {}))
 
     def _network_fault(self) -> RobotError | None:
-        names, master = self.names, self._master
+        names, master = self.names, self.master
         try:
             state, types = master.state(), master.topic_types()
         except MasterError as error:
@@ -68,9 +50,9 @@ class Readiness(readiness.Readiness):
             if (fault := unregistered_publisher(topic, senders, self._state)) is not None:
                 return fault.error
         try:
-            self._discrete_move.probe()
+            self.discrete_move.probe()
         except RobotError as error:
-            start = f"(vsnbench robots serve {self._profile_name})"
+            start = f"(vsnbench robots serve {self.profile_name})"
             return RobotError(error.statement, advice=f"{error.advice} {start}".strip(), code=error.code)
         return None
 

@@ -1,7 +1,4 @@
-"""The client's connection to a robot over ROS 1.
-
-Imported only where ROS 1 is installed.
-"""
+"""The client's connection to a robot over ROS 1."""
 
 import json
 from collections.abc import Callable
@@ -24,7 +21,6 @@ from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros1.readiness import Readiness
 from vsnbench.ros1.service_call import ServiceClient
 from vsnbench.ros_common import robot_link
-from vsnbench.ros_common.messages import moves
 from vsnbench.ros_common.robot_link import placement_seed
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.movements import Outcome
@@ -51,15 +47,15 @@ class RobotLink(robot_link.RobotLink):
         self.names = names = ros1_interface(profile)
         self.reports_lifting = bool(names.wheel_drop)
         self.master: Master = start_node(NODE)
-        self.discrete_move = ServiceClient(names.discrete_move, DiscreteServer, self.master, self.master.caller)
-        self._drive = ServiceClient(f"{names.discrete_move}/drive", DiscreteServer, self.master, self.master.caller)
-        self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master, self.master.caller)
-        self._place = ServiceClient(PLACE, PlaceRobot, self.master, self.master.caller)
+        self.discrete_move = ServiceClient(names.discrete_move, DiscreteServer, self.master)
+        self._drive = ServiceClient(f"{names.discrete_move}/drive", DiscreteServer, self.master)
+        self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master)
+        self._place = ServiceClient(PLACE, PlaceRobot, self.master)
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
         # ROS calls this while the topics are open, also when another node ends this one.
         rospy.on_shutdown(self.stand_still)
         self._readiness = Readiness(
-            profile, names, self.snapshot, lambda: self.odometry.fault, self.master, self.discrete_move
+            names, self.snapshot, lambda: self.odometry.fault, profile.name, self.master, self.discrete_move
         )
         self.odometry = OdometrySubscription(names, self._on_odometry)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
@@ -164,12 +160,9 @@ class RobotLink(robot_link.RobotLink):
         self._reports.take_odometry(pose, stamp_s, self.names.odometry_topic, sender)
 
     def _on_command(self, message: Any) -> None:
-        node, drives = sender_of(message), moves(message)
-        if node == self.master.caller:
-            return
-        if drives:
-            self._hold.answer()
-        self._reports.take_command(node, moves=drives, rival=node not in self._readiness.steering)
+        node = sender_of(message)
+        if node != self.master.caller:
+            self._take_command(message, node, rival=node not in self._readiness.steering)
 
     def _on_outcome(self, message: Any) -> None:
         self._reports.take_outcome(Outcome(**json.loads(message.data)))

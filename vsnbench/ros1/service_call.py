@@ -49,11 +49,10 @@ class ServiceRefusedError(ServiceError):
 class ServiceClient:
     """Calls one service; keeps its address, so that later calls need no master. Thread-safe."""
 
-    def __init__(self, name: str, service_class: Any, master: Master, caller: str) -> None:
+    def __init__(self, name: str, service_class: Any, master: Master) -> None:
         self.name = name
         self._class = service_class
         self._master = master
-        self._caller = caller
         self._address: tuple[str, int] | None = None
 
     def locate(self) -> tuple[str, int]:
@@ -86,7 +85,7 @@ class ServiceClient:
             MasterError: the master does not answer.
         """
         began_s = time.monotonic()
-        with _Call(self.name, self._connect, began_s + _STAGE_TIMEOUT_S, _STAGE_TIMEOUT_S) as call:
+        with _Call(self.name, self._connect, _STAGE_TIMEOUT_S) as call:
             call.handshake(self._header(probe="1"))
         return time.monotonic() - began_s
 
@@ -104,13 +103,13 @@ class ServiceClient:
         """
         body = BytesIO()
         request.serialize(body)
-        with _Call(self.name, self._connect, time.monotonic() + timeout_s, timeout_s) as call:
+        with _Call(self.name, self._connect, timeout_s) as call:
             call.handshake(self._header())
             return self._class._response_class().deserialize(call.exchange(body.getvalue(), watch))  # noqa: SLF001
 
     def _header(self, **extra: str) -> dict[str, str]:
         return {
-            "callerid": self._caller,
+            "callerid": self._master.caller,
             "service": self.name,
             "md5sum": self._class._md5sum,  # noqa: SLF001
             "type": self._class._type,  # noqa: SLF001
@@ -132,34 +131,29 @@ class ServiceClient:
 class _Call:
     """One connection to a server with one deadline."""
 
-    def __init__(
-        self, name: str, connect: Callable[[float], socket.socket], deadline_s: float, timeout_s: float
-    ) -> None:
+    _socket: socket.socket
+
+    def __init__(self, name: str, connect: Callable[[float], socket.socket], timeout_s: float) -> None:
         self._name = name
-        self._deadline_s = deadline_s
+        self._connect = connect
         self._timeout_s = timeout_s
-        self._stage = "connection"
-        self._limit_s = min(timeout_s, _STAGE_TIMEOUT_S)
-        self._stage_deadline_s = min(deadline_s, time.monotonic() + _STAGE_TIMEOUT_S)
-        self._socket: socket.socket | None = None
-        self._open = connect
+        self._deadline_s = time.monotonic() + timeout_s
 
     def __enter__(self) -> Self:
+        self._begin("connection", _STAGE_TIMEOUT_S)
         try:
-            self._socket = self._open(self._remaining())
+            self._socket = self._connect(self._remaining())
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         except OSError as error:
-            self.__exit__(None, None, None)
             raise self._failure(error) from error
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._socket is not None:
-            self._socket.close()
+        self._socket.close()
 
     def handshake(self, header: dict[str, str]) -> None:
         """Send the header of the client and read that of the server."""
-        self._begin("handshake")
+        self._begin("handshake", _STAGE_TIMEOUT_S)
         fields = b"".join(_frame(f"{key}={value}".encode()) for key, value in header.items())
         try:
             self._send(_frame(fields))
@@ -171,7 +165,7 @@ class _Call:
 
     def exchange(self, body: bytes, watch: Callable[[], None] | None) -> bytes:
         """Send the request and return the body of the answer."""
-        self._begin("answer", last=True)
+        self._begin("answer", self._timeout_s)
         try:
             self._send(_frame(body))
             succeeded = self._receive(1, watch)[0]
@@ -182,11 +176,10 @@ class _Call:
             raise ServiceRefusedError(f"{self._name} failed: {answer.decode('utf-8', 'replace')}")
         return answer
 
-    def _begin(self, stage: str, *, last: bool = False) -> None:
+    def _begin(self, stage: str, limit_s: float) -> None:
         self._stage = stage
-        self._limit_s = self._timeout_s if last else min(self._timeout_s, _STAGE_TIMEOUT_S)
-        limit_s = self._deadline_s if last else time.monotonic() + _STAGE_TIMEOUT_S
-        self._stage_deadline_s = min(self._deadline_s, limit_s)
+        self._limit_s = min(self._timeout_s, limit_s)
+        self._stage_deadline_s = min(self._deadline_s, time.monotonic() + limit_s)
 
     def _remaining(self) -> float:
         left_s = self._stage_deadline_s - time.monotonic()
@@ -194,14 +187,9 @@ class _Call:
             raise TimeoutError
         return left_s
 
-    def _connected(self) -> socket.socket:
-        if self._socket is None:
-            raise ConnectionError("not connected")
-        return self._socket
-
     def _send(self, data: bytes) -> None:
-        self._connected().settimeout(self._remaining())
-        self._connected().sendall(data)
+        self._socket.settimeout(self._remaining())
+        self._socket.sendall(data)
 
     def _length(self) -> int:
         (length,) = struct.unpack("<I", self._receive(4, None))
@@ -212,10 +200,10 @@ class _Call:
     def _receive(self, count: int, watch: Callable[[], None] | None) -> bytes:
         data = b""
         while len(data) < count:
-            while not select.select([self._connected()], [], [], min(self._remaining(), _WATCH_PERIOD_S))[0]:
+            while not select.select([self._socket], [], [], min(self._remaining(), _WATCH_PERIOD_S))[0]:
                 if watch is not None:
                     watch()
-            chunk = self._connected().recv(count - len(data))
+            chunk = self._socket.recv(count - len(data))
             if not chunk:
                 raise ConnectionError("it closed the connection")
             data += chunk

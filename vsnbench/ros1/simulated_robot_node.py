@@ -1,7 +1,4 @@
-"""A simulated robot on the ROS 1 topics of its profile.
-
-Imported only where ROS 1 is installed.
-"""
+"""A simulated robot on the ROS 1 topics of its profile."""
 
 import logging
 from typing import Any
@@ -14,18 +11,18 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Bool, Empty, String
 
-from vsnbench.ros1.battery import BATTERY_CLASSES, battery_message
+from vsnbench.ros1.battery import battery_message
 from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError
 from vsnbench.ros1.messages import (
+    MESSAGE_CLASSES,
     BumperEvent,
-    CliffEvent,
     PlaceRobot,
     PlaceRobotResponse,
-    TFMessage,
     WheelDropEvent,
     tf_message,
 )
+from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.messages import PinholeMatrices, fill_image, fill_odometry
 from vsnbench.ros_common.simulated_robot import NODE, SimulatedRobot
 from vsnbench.sensing.simulation import PLACE
@@ -38,20 +35,6 @@ from vsnbench.values.robot_profile import RobotProfile
 __all__ = ["NODE", "SimulatedRobotNode"]
 
 logger = logging.getLogger(__name__)
-
-_CLASSES: dict[str, Any] = {
-    "nav_msgs/Odometry": Odometry,
-    "sensor_msgs/CameraInfo": CameraInfo,
-    "sensor_msgs/Image": Image,
-    "std_msgs/Bool": Bool,
-    "std_msgs/String": String,
-    "tf2_msgs/TFMessage": TFMessage,
-    "rosgraph_msgs/Clock": Clock,
-    "kobuki_msgs/BumperEvent": BumperEvent,
-    "kobuki_msgs/CliffEvent": CliffEvent,
-    "kobuki_msgs/WheelDropEvent": WheelDropEvent,
-    **BATTERY_CLASSES,
-}
 
 
 class SimulatedRobotNode(SimulatedRobot):
@@ -90,7 +73,7 @@ class SimulatedRobotNode(SimulatedRobot):
     def _publisher(self, topic: str, kind: str, *, queue_size: int = 10, latched: bool = False) -> Any:
         if not topic:
             return None
-        return rospy.Publisher(topic, _CLASSES[kind], queue_size=queue_size, latch=latched, tcp_nodelay=True)
+        return rospy.Publisher(topic, MESSAGE_CLASSES[kind], queue_size=queue_size, latch=latched, tcp_nodelay=True)
 
     def _subscribers(self, publisher: Any) -> int:
         return int(publisher.get_num_connections())
@@ -140,9 +123,8 @@ class SimulatedRobotNode(SimulatedRobot):
         fill_odometry(message, pose, frame_id, "base_footprint")
         return message
 
-    def _tf_message(self, odometry: Any) -> TFMessage:
-        assert self.names.tf is not None  # noqa: S101  # the caller checks it
-        return tf_message(odometry, self.names.tf)
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
+        return tf_message(odometry, frames)
 
     def _image_message(self, pixels: npt.NDArray[Any], encoding: str, stamp_s: float, frame_id: str) -> Any:
         message = Image()

@@ -1,34 +1,21 @@
-"""Collects the messages of topics over ROS 1.
-
-Imported only where ROS 1 is installed.
-"""
+"""Collects the messages of topics over ROS 1."""
 
 import struct
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import rospy
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vsnbench.ros1.battery import BATTERY_CLASSES
+from vsnbench.ros1.messages import MESSAGE_CLASSES
 from vsnbench.ros1.node import start_node
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common import topic_listener
-from vsnbench.ros_common.topic_listener import TakeOdometry
-
-_CLASSES: dict[str, Any] = {
-    "nav_msgs/Odometry": Odometry,
-    "sensor_msgs/CameraInfo": CameraInfo,
-    "sensor_msgs/CompressedImage": CompressedImage,
-    "sensor_msgs/Image": Image,
-    **BATTERY_CLASSES,
-}
+from vsnbench.ros_common.odometry import TakeOdometry
 
 
 def message_of(kind: str, data: bytes) -> Any:
     """Return a serialized message of a type such as `sensor_msgs/Image`."""
-    return _CLASSES[kind]().deserialize(data)
+    return MESSAGE_CLASSES[kind]().deserialize(data)
 
 
 class TopicListener(topic_listener.TopicListener):
@@ -42,7 +29,7 @@ class TopicListener(topic_listener.TopicListener):
         for topic in topics:
             rospy.Subscriber(topic, rospy.AnyMsg, self._recorder(topic), queue_size=50, buff_size=1 << 24)
 
-    def follow_odometry(self, names: Any, take: TakeOdometry) -> OdometrySubscription:
+    def follow_odometry(self, names: Any, take: TakeOdometry[str]) -> OdometrySubscription:
         """Pass the odometry of a base to `take`."""
         return OdometrySubscription(names, take)
 

@@ -1,1 +1,5 @@
-"""Connection to robots over ROS 2."""
+"""Connection to robots over ROS 2.
+
+Only `docking`, `graph`, `installation`, `interface`, `readiness`, `topic_service` and `velocities` can be imported
+without ROS.
+"""

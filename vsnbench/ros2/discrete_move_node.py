@@ -1,7 +1,6 @@
 """The discrete_move node over ROS 2: executes one movement per request.
 
 It stops when the client stops repeating its request (`topic_service.GONE_S`), and whenever it ends.
-Imported only where ROS 2 is installed.
 """
 
 import logging
@@ -42,7 +41,6 @@ class DiscreteMoveNode(DiscreteMoveTask):
             names, mover_of(profile, motion_settings(profile, file), self.send, node.now_s, node.sleep_until)
         )
         self._velocities = Velocities(node, Graph(node), names, self.take_foreign_command)
-        self._has_odometry = False
         self._odometry = OdometrySubscription(node, names, self.take_odometry)
         node.rclpy.create_subscription(String, names.simulation_topic(ACCOUNT), self._on_account, LATCHED)
         for topic in subscribe_hazards(node, names, self._mover.take_hazard):
@@ -52,11 +50,6 @@ class DiscreteMoveNode(DiscreteMoveTask):
     def send(self, command: Command) -> None:
         """Publish a velocity."""
         self._velocities.send(command)
-
-    def take_odometry(self, pose: tuple[float, float, float], stamp_s: float, _sender: Any) -> None:
-        """Take the odometry of the base: metres, radians, seconds."""
-        super().take_odometry(pose, stamp_s, _sender)
-        self._has_odometry = True
 
     def _answer(self, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Mapping[str, Any]:
         movement = str(request.get("movement", ""))[:40]
@@ -73,7 +66,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
 
     def _missing(self) -> str:
         """Return the part of the base that this node has not found yet, or an empty string."""
-        if not self._has_odometry:
+        if not self._odometry_arrived.is_set():
             return self._odometry.fault or "no odometry received yet"
         fault = self._velocities.connect()
         return fault.statement if fault else ""

@@ -1,7 +1,6 @@
 """Subscriptions to the hazard sensors of a base.
 
-Imported only where ROS 2 is installed. Without `irobot_create_msgs`, which only a distribution has, the operator has to
-report the collisions of a Create 3.
+Without `irobot_create_msgs`, which only a distribution has, the operator has to report the collisions of a Create 3.
 """
 
 from typing import Any

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field
 
 from vsnbench.errors import RobotError
-from vsnbench.ros_common.interface import RosInterface, require_interface
+from vsnbench.ros_common.interface import SHARED_TOPICS, RosInterface, require_interface
 from vsnbench.values.robot_profile import RobotProfile
 
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?$")]
@@ -13,14 +13,16 @@ RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 VELOCITIES = (TWIST, TWIST_STAMPED)
 """Types of velocity commands."""
-TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-"""Type of the messages of TF."""
 
 
 class Ros2Interface(RosInterface):
     """Topics of a robot on a ROS 2 graph; an empty name means that the robot does not have the part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title = "over ROS 2"
+    contact_fields = ("bumper", "hazards")
+    distinct_fields = (*SHARED_TOPICS, "hazards", "battery", "dock")
 
     kind: Literal["ros2"]
     namespace: RosName = Field(default="", description="namespace of this robot; not part of the profile's hash")
@@ -61,10 +63,9 @@ class Ros2Interface(RosInterface):
         """The namespace with a leading slash, or an empty string."""
         return f"/{self.namespace.strip('/')}" if self.namespace.strip("/") else ""
 
-    @property
-    def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        return "nav_msgs/msg/Odometry" if self.tf is None else TF_MESSAGE
+    def type_name(self, kind: str) -> str:
+        """Return the name of a type such as `sensor_msgs/Image` in ROS 2."""
+        return kind.replace("/", "/msg/")
 
     def resolved(self) -> Self:
         """Return the interface with full names."""
@@ -86,7 +87,7 @@ def ros2_interface(profile: RobotProfile) -> Ros2Interface:
     Raises:
         RobotError: the profile has another interface or none.
     """
-    return require_interface(profile, "ros2", Ros2Interface, "turtlebot4").resolved()
+    return require_interface(profile, "ros2", Ros2Interface, "turtlebot4")
 
 
 def in_namespace(profile: RobotProfile, namespace: str) -> RobotProfile:

@@ -1,7 +1,4 @@
-"""Conversion of ROS 2 messages; images stay serialized until they are needed.
-
-Imported only where ROS 2 is installed.
-"""
+"""Conversion of ROS 2 messages; images stay serialized until they are needed."""
 
 import array
 import struct

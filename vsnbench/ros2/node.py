@@ -1,7 +1,6 @@
 """A ROS 2 node with its own context and thread, which leaves signal handlers alone.
 
 Shutting a context down under a spinning executor can abort the process, so `close` joins the thread first.
-Imported only where ROS 2 is installed.
 """
 
 import contextlib
@@ -18,7 +17,7 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
@@ -27,24 +26,16 @@ from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros2.installation import discovery
 from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
-from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask
+from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask, sleep_until
 from vsnbench.runtime.signals import EndAsked
 
 SENSOR_DATA = QoSProfile(
-    depth=10,
-    history=QoSHistoryPolicy.KEEP_LAST,
-    reliability=QoSReliabilityPolicy.BEST_EFFORT,
-    durability=QoSDurabilityPolicy.VOLATILE,
+    depth=10, reliability=QoSReliabilityPolicy.BEST_EFFORT, durability=QoSDurabilityPolicy.VOLATILE
 )
 """Quality of service of sensors, which every driver offers."""
-RELIABLE = QoSProfile(depth=10, history=QoSHistoryPolicy.KEEP_LAST, reliability=QoSReliabilityPolicy.RELIABLE)
+RELIABLE = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
 """Quality of service of commands and requests; also matches subscribers that require best effort."""
-LATCHED = QoSProfile(
-    depth=1,
-    history=QoSHistoryPolicy.KEEP_LAST,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
-)
+LATCHED = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of messages that late subscribers receive again."""
 
 
@@ -136,11 +127,9 @@ class Ros2Node:
             return float(self.rclpy.get_clock().now().nanoseconds) * 1e-9
         return time.monotonic()
 
-    def sleep_until(self, due_s: float, give_up_wall_s: float = 1.0) -> None:
-        """Sleep until `now_s()` reaches `due_s`, or for `give_up_wall_s` of real time."""
-        give_up_s = time.monotonic() + give_up_wall_s
-        while (left_s := due_s - self.now_s()) > 0 and time.monotonic() < give_up_s:
-            time.sleep(0.001 if self.simulated_time else min(left_s, give_up_wall_s))
+    def sleep_until(self, due_s: float) -> None:
+        """Sleep until `now_s()` reaches `due_s`; see `ros_common.node.sleep_until`."""
+        sleep_until(due_s, self.now_s, lambda: self.simulated_time)
 
     def velocity_publisher(self, topic: str, kind: str) -> "VelocityPublisher":
         """Return a publisher of velocities as messages of type `kind`."""

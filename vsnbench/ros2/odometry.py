@@ -1,13 +1,10 @@
-"""Subscription to the odometry of a base over ROS 2.
-
-Imported only where ROS 2 is installed.
-"""
+"""Subscription to the odometry of a base over ROS 2."""
 
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from vsnbench.ros2.installation import require_tf_message
 from vsnbench.ros2.interface import Ros2Interface
@@ -17,17 +14,9 @@ from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.messages import fill_transform
 from vsnbench.ros_common.odometry import OdometryReader, TakeOdometry
 
-_MOVING = QoSProfile(
-    depth=100,
-    history=QoSHistoryPolicy.KEEP_LAST,
-    reliability=QoSReliabilityPolicy.BEST_EFFORT,
-    durability=QoSDurabilityPolicy.VOLATILE,
-)
+_MOVING = QoSProfile(depth=100, reliability=QoSReliabilityPolicy.BEST_EFFORT, durability=QoSDurabilityPolicy.VOLATILE)
 _FIXED = QoSProfile(
-    depth=100,
-    history=QoSHistoryPolicy.KEEP_LAST,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+    depth=100, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
 )
 """Fixed links are published once; a late subscriber requests them again."""
 

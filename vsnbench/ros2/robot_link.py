@@ -1,7 +1,6 @@
 """The client's connection to a robot over ROS 2.
 
 A discrete_move node on the robot executes movements if there is one, else this process does.
-Imported only where ROS 2 is installed.
 """
 
 import time
@@ -23,12 +22,11 @@ from vsnbench.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
 from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import OdometrySubscription
-from vsnbench.ros2.readiness import Parts, Readiness
+from vsnbench.ros2.readiness import Readiness
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros2.velocities import Velocities
 from vsnbench.ros_common import robot_link
 from vsnbench.ros_common.discrete_move import mover_of
-from vsnbench.ros_common.messages import moves
 from vsnbench.ros_common.robot_link import placement_seed
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.compressed_images import is_compressed
@@ -51,6 +49,7 @@ class RobotLink(robot_link.RobotLink):
     """
 
     kind = ROS2
+    reports_outcomes = True
     names: Ros2Interface
 
     def __init__(self, profile: RobotProfile, parameters: ProtocolParameters) -> None:
@@ -106,11 +105,6 @@ class RobotLink(robot_link.RobotLink):
     def now_s(self) -> float:
         """Time in which motions are measured: monotonic, or simulated where a simulator publishes the time."""
         return self.node.now_s()
-
-    @property
-    def reports_outcomes(self) -> bool:
-        """Whether a movement reports more than True or False: always."""
-        return True
 
     def image(self, payload: Any) -> Any:
         """Return an image of a snapshot as a message."""
@@ -236,17 +230,18 @@ class RobotLink(robot_link.RobotLink):
         unsupported_topics = subscribe_hazards(self.node, names, self._on_hazard)
         dock = Dock(self.profile_name, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
-        parts = Parts(
-            self.profile_name,
-            self.node,
-            self.graph,
-            self.velocities.connect,
-            self.choose_server,
+        self._readiness = Readiness(
+            names,
+            self.snapshot,
             lambda: self.odometry.fault,
-            dock,
-            unsupported_topics,
+            self.profile_name,
+            node=self.node,
+            graph=self.graph,
+            connect=self.velocities.connect,
+            choose_server=self.choose_server,
+            dock=dock,
+            unsupported_topics=unsupported_topics,
         )
-        self._readiness = Readiness(names, self.snapshot, parts)
 
     def _on_odometry(self, pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:
         topic = self.names.odometry_topic
@@ -254,13 +249,10 @@ class RobotLink(robot_link.RobotLink):
         self._reports.take_odometry(pose, stamp_s, topic, self.graph.sender(topic, info))
 
     def _on_command(self, twist: Any, sender: str) -> None:
-        drives = moves(twist)
-        if drives:
-            self._hold.answer()
         # The node on the robot detects rivals itself; a sender that is not known yet may be that node.
         name = sender.partition(" (no. ")[0].rpartition("/")[2]
         is_ours = self._server == _ON_ROBOT and name in ("", "discrete_move")
-        self._reports.take_command(sender or "another node", moves=drives, rival=not is_ours)
+        self._take_command(twist, sender or "another node", rival=not is_ours)
 
     def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         self._mover.take_hazard(hazard, sensor, active, where)

@@ -1,7 +1,4 @@
-"""A simulated robot on the ROS 2 topics of its profile.
-
-Imported only where ROS 2 is installed.
-"""
+"""A simulated robot on the ROS 2 topics of its profile."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,7 +10,7 @@ from sensor_msgs.msg import BatteryState, CameraInfo, Image
 from std_msgs.msg import Bool, String
 
 from vsnbench.ros2.installation import require_tf_message
-from vsnbench.ros2.interface import TF_MESSAGE, TWIST, Ros2Interface, ros2_interface
+from vsnbench.ros2.interface import TWIST, Ros2Interface, ros2_interface
 from vsnbench.ros2.messages import (
     COMMAND_CLASSES,
     OPTICAL_FRAME,
@@ -26,6 +23,7 @@ from vsnbench.ros2.messages import (
 from vsnbench.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import tf_message
 from vsnbench.ros2.topic_service import TopicServiceServer
+from vsnbench.ros_common.interface import TF_MESSAGE, OdometryFrames
 from vsnbench.ros_common.simulated_robot import NODE, SimulatedRobot
 from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -38,7 +36,6 @@ __all__ = ["NODE", "SimulatedRobotNode"]
 
 _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
-    "nav_msgs/msg/Odometry": Odometry,
     "sensor_msgs/CameraInfo": CameraInfo,
     "sensor_msgs/Image": Image,
     "std_msgs/String": String,
@@ -99,9 +96,8 @@ class SimulatedRobotNode(SimulatedRobot):
     def _odometry_message(self, pose: Pose, stamp_s: float, frame_id: str) -> Any:
         return odometry_message(pose, stamp_s, frame_id)
 
-    def _tf_message(self, odometry: Any) -> Any:
-        assert self.names.tf is not None  # noqa: S101  # the caller checks it
-        return tf_message(odometry, self.names.tf)
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
+        return tf_message(odometry, frames)
 
     def _image_message(self, pixels: npt.NDArray[Any], encoding: str, stamp_s: float, frame_id: str) -> Any:  # noqa: ARG002
         return image_message(pixels, encoding, stamp_s, self.names.image_turns)

@@ -1,7 +1,4 @@
-"""Collects the messages of topics over ROS 2.
-
-Imported only where ROS 2 is installed.
-"""
+"""Collects the messages of topics over ROS 2."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -16,7 +13,7 @@ from vsnbench.ros2.messages import stamp_of_serialized
 from vsnbench.ros2.node import SENSOR_DATA, Ros2Node
 from vsnbench.ros2.odometry import OdometrySubscription
 from vsnbench.ros_common import topic_listener
-from vsnbench.ros_common.topic_listener import TakeOdometry
+from vsnbench.ros_common.odometry import TakeOdometry
 
 _CLASSES: Mapping[str, Any] = {
     "nav_msgs/msg/Odometry": Odometry,
@@ -44,7 +41,7 @@ class TopicListener(topic_listener.TopicListener):
         for topic, kind in topics.items():
             self.node.rclpy.create_subscription(_CLASSES[kind], topic, self._recorder(topic), SENSOR_DATA, raw=True)
 
-    def follow_odometry(self, names: Any, take: TakeOdometry) -> OdometrySubscription:
+    def follow_odometry(self, names: Any, take: TakeOdometry[str]) -> OdometrySubscription:
         """Pass the odometry of a base to `take`.
 
         Raises:

@@ -1,6 +1,7 @@
 """Velocity commands to a base, and detection of velocities that other nodes send."""
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -8,11 +9,11 @@ from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros2.graph import Graph, bases_of, command_fault, incompatibility
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface
-from vsnbench.sensing.steering import SentCommands
 
 if TYPE_CHECKING:
     from vsnbench.ros2.node import Ros2Node, VelocityPublisher
 
+_REMEMBERED = 200
 TakeTwist = Callable[[Any, str], None]
 """Takes a Twist of another node and the name of that node, or an empty string while it is unknown."""
 
@@ -20,13 +21,14 @@ TakeTwist = Callable[[Any, str], None]
 class Velocities:
     """Commands a base once the graph shows that the base subscribes, and in which type."""
 
-    def __init__(self, node: "Ros2Node", graph: Graph, names: Ros2Interface, take: TakeTwist | None = None) -> None:
+    def __init__(self, node: "Ros2Node", graph: Graph, names: Ros2Interface, take: TakeTwist) -> None:
         self._node = node
         self._graph = graph
         self._names = names
         self._take = take
         self._lock = threading.Lock()
-        self._sent = SentCommands()
+        self._sent: deque[Command] = deque(maxlen=_REMEMBERED)
+        """Latest velocities of this process, to recognize them on the topic."""
         self._publisher: VelocityPublisher | None = None
         self._type = ""
 
@@ -34,12 +36,12 @@ class Velocities:
         """Publish a velocity; does nothing before `connect`."""
         with self._lock:
             if self._publisher is not None:
-                self._sent.add(command)
+                self._sent.append(command)
                 self._publisher.publish(command)
 
     def connect(self) -> RobotError | None:
         """Connect to the base; returns why no base would move, or None."""
-        topic: str = self._names.command
+        topic = self._names.command
         wanted: str = self._names.command_type
         subscribers = self._graph.subscribers(topic)
         if fault := command_fault(topic, wanted, subscribers, VELOCITIES):
@@ -62,16 +64,15 @@ class Velocities:
                 self._publisher.close()
             self._publisher = opened = self._node.velocity_publisher(self._names.command, kind)
             self._type = kind
-        if self._take is not None:
-            self._node.subscribe_velocities(self._names.command, kind, self._on_command)
+        self._node.subscribe_velocities(self._names.command, kind, self._on_command)
         return opened
 
     def _on_command(self, read: Callable[[], Any], info: Any) -> None:
         sender = self._graph.sender(self._names.command, info)
-        if sender == self._node.full_name or self._take is None:
+        if sender == self._node.full_name:
             return
         twist = read()
         # The sender is not conclusive before the graph knows this process's publisher, and after it was opened again.
         unsure = sender.partition(" (no. ")[0] in ("", self._node.full_name)
-        if not (unsure and Command(twist.linear.x, twist.angular.z) in self._sent):
+        if not (unsure and Command(twist.linear.x, twist.angular.z) in tuple(self._sent)):
             self._take(twist, sender)

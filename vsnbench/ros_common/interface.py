@@ -1,7 +1,7 @@
 """Fields that the interface of a robot profile has over ROS 1 and over ROS 2."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
@@ -10,6 +10,10 @@ from vsnbench.values.robot_profile import Interface, RobotProfile
 
 FrameId = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=100)]
 """Name of a TF frame, without a leading slash."""
+
+
+TF_MESSAGE = "tf2_msgs/TFMessage"
+"""Type of the messages of TF."""
 
 
 class OdometryFrames(BaseModel):
@@ -45,6 +49,13 @@ class RosInterface(Interface):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    title: ClassVar[str]
+    """Description for lists of robots."""
+    contact_fields: ClassVar[tuple[str, ...]]
+    """Fields that name a topic with contacts."""
+    distinct_fields: ClassVar[tuple[str, ...]]
+    """Fields whose topics must differ."""
+
     if TYPE_CHECKING:  # subclasses define these fields, because names and defaults differ
         command: str
         odometry: str
@@ -71,12 +82,20 @@ class RosInterface(Interface):
 
     @property
     def odometry_type(self) -> str:
-        """Type of the messages on `odometry_topic`."""
-        raise NotImplementedError  # pydantic models cannot be abstract; each middleware defines the type
+        """Type of the messages on `odometry_topic`, such as `nav_msgs/Odometry`."""
+        return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
+
+    def type_name(self, kind: str) -> str:
+        """Return the name that the middleware has for a type such as `sensor_msgs/Image`."""
+        return kind
 
     def simulation_topic(self, topic: str) -> str:
         """Return the full name of a topic of `sensing.simulation` for this robot."""
         return topic
+
+    def resolved(self) -> Self:
+        """Return the interface with full names."""
+        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -105,11 +124,13 @@ class RosInterface(Interface):
         return content
 
 
+SHARED_TOPICS = ("command", "odometry", "color", "depth", "bumper")
+"""Fields whose topics must differ over ROS 1 and ROS 2."""
 AnyInterface = TypeVar("AnyInterface", bound=RosInterface)
 
 
 def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterface], example: str) -> AnyInterface:
-    """Return the interface of a profile.
+    """Return the interface of a profile with full names.
 
     Args:
         profile: the profile of the robot.
@@ -121,7 +142,7 @@ def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterfac
         RobotError: the profile has another interface or none.
     """
     if isinstance(profile.interface, wanted):
-        return profile.interface
+        return profile.interface.resolved()
     raise RobotError(
         f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface",
         advice=f"use a profile with an interface of `kind: {kind}` (vsnbench robots show {example})",

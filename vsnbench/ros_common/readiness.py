@@ -4,6 +4,7 @@ import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
 from vsnbench.ros_common.interface import RosInterface
@@ -13,22 +14,18 @@ from vsnbench.sensing.robot_reports import AGE_LIMIT_S, RobotSnapshot
 logger = logging.getLogger(__name__)
 
 
+@dataclass
 class Readiness(ABC):
-    """Finds the first part of a robot that does not answer.
+    """Finds the first part of a robot that does not answer."""
 
-    Args:
-        names: interface of the robot's profile.
-        snapshot: returns the newest reports of the robot.
-        odometry_fault: returns why TF gives no odometry, or an empty string.
-    """
-
-    def __init__(
-        self, names: RosInterface, snapshot: Callable[[], RobotSnapshot], odometry_fault: Callable[[], str]
-    ) -> None:
-        self.names = names
-        self._snapshot = snapshot
-        self._odometry_fault = odometry_fault
-        self._warned: set[str] = set()
+    names: RosInterface
+    """Interface of the robot's profile."""
+    snapshot: Callable[[], RobotSnapshot]
+    """Returns the newest reports of the robot."""
+    odometry_fault: Callable[[], str]
+    """Returns why TF gives no odometry, or an empty string."""
+    profile_name: str
+    _warned: set[str] = field(init=False, default_factory=set)
 
     def missing_part(self, warned: set[str]) -> RobotError | None:
         """Return the first part that does not answer, with advice; None when all parts answer.
@@ -41,7 +38,7 @@ class Readiness(ABC):
         """
         self._warned = warned
         time.sleep(self._discovery_left_s)
-        now, now_s = self._snapshot(), time.monotonic()
+        now, now_s = self.snapshot(), time.monotonic()
         return self._network_fault() or self._sensor_fault(now, now_s) or self._server_fault(now)
 
     @property
@@ -82,7 +79,7 @@ class Readiness(ABC):
         if names.tf and (rivals := now.rivals(names.odometry_topic, now_s)):
             return rivals
         if now.odometry_age_s(now_s) > AGE_LIMIT_S:
-            if names.tf and self._publishers(names.odometry_topic) and (fault := self._odometry_fault()):
+            if names.tf and self._publishers(names.odometry_topic) and (fault := self.odometry_fault()):
                 return RobotError(fault, advice=TF_ADVICE, code="no-tf-odometry")
             return self._silence("odometry", names.odometry_topic, "the driver of the base")
         for topic, images in ((names.color, now.colors), (names.depth, now.depths)):

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros_common.interface import RosInterface
-from vsnbench.ros_common.messages import planar
+from vsnbench.ros_common.messages import moves, planar
 from vsnbench.ros_common.readiness import Readiness
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.sensing.simulation import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
@@ -189,6 +189,13 @@ class RobotLink(ABC):
         for info, images in ((names.color_info, names.color), (names.depth_info, names.depth)):
             if info and images:
                 self._subscribe_camera_info(info, partial(self._reports.take_camera_info, images))
+
+    def _take_command(self, twist: Any, sender: str, *, rival: bool) -> None:
+        """Take a velocity of another node; a held base is commanded to stand still."""
+        drives = moves(twist)
+        if drives:
+            self._hold.answer()
+        self._reports.take_command(sender, moves=drives, rival=rival)
 
     def _take_truth(self, message: Any, stamp_s: float) -> None:
         """Take the pose of a simulated robot in its site."""

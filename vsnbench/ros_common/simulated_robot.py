@@ -2,16 +2,16 @@
 
 import json
 from abc import abstractmethod
-from typing import Any, Protocol
+from typing import Any
 
 import numpy.typing as npt
 
 from vsnbench.control.command import Command
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros_common.interface import OdometryFrames, RosInterface
 from vsnbench.ros_common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
-from vsnbench.simulator.robot_player import Picture, RobotPlayer, SimulationOptions
+from vsnbench.simulator.robot_player import Picture, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -21,18 +21,8 @@ ODOMETRY, TEXT = "nav_msgs/Odometry", "std_msgs/String"
 IMAGE, CAMERA_INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 
 
-class Publisher(Protocol):
-    """Publisher of a middleware."""
-
-    def publish(self, message: Any) -> None:
-        """Send a message."""
-
-
-class SimulatedRobot(NodeTask):
-    """Publishes the sensors of a simulated robot until it is closed; subclasses connect it to a middleware.
-
-    Is the `RobotOutlet` of the simulator, which calls it from its threads.
-    """
+class SimulatedRobot(NodeTask, RobotOutlet):
+    """Publishes the sensors of a simulated robot until it is closed; subclasses connect it to a middleware."""
 
     color_frame: str
     depth_frame: str
@@ -68,7 +58,7 @@ class SimulatedRobot(NodeTask):
         """Return a publisher, or None for an empty topic."""
 
     @abstractmethod
-    def _subscribers(self, publisher: Publisher) -> int:
+    def _subscribers(self, publisher: Any) -> int:
         """Return the number of subscribers of a publisher."""
 
     @abstractmethod
@@ -80,7 +70,7 @@ class SimulatedRobot(NodeTask):
         """Return a nav_msgs/Odometry."""
 
     @abstractmethod
-    def _tf_message(self, odometry: Any) -> Any:
+    def _tf_message(self, odometry: Any, frames: OdometryFrames) -> Any:
         """Return a nav_msgs/Odometry as tf2_msgs/TFMessage."""
 
     @abstractmethod
@@ -95,18 +85,6 @@ class SimulatedRobot(NodeTask):
     def _publish_bumper(self, before: Contact | None, now: Contact | None) -> None:
         """Publish the change of a contact on the topic of the bumper."""
 
-    @abstractmethod
-    def publish_time(self, stamp_s: float) -> None:
-        """Publish the simulated time, if it differs from real time."""
-
-    @abstractmethod
-    def publish_battery(self, share: float, stamp_s: float) -> None:
-        """Publish the charge of the battery, 0 to 1."""
-
-    @abstractmethod
-    def publish_lifted(self, lifted: bool) -> None:
-        """Publish that the operator lifted the robot or put it down."""
-
     def take_velocity(self, twist: Any) -> None:
         """Take a geometry_msgs/Twist."""
         self.player.set_command(Command(twist.linear.x, twist.angular.z))
@@ -114,17 +92,17 @@ class SimulatedRobot(NodeTask):
     def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Publish the odometry."""
         message = self._odometry_message(pose, stamp_s, "odom")
-        self._odometry.publish(self._tf_message(message) if self.names.tf else message)
+        self._odometry.publish(self._tf_message(message, self.names.tf) if self.names.tf else message)
 
     def publish_truth(self, pose: Pose, stamp_s: float) -> None:
         """Publish the pose in the site's frame, if a node subscribes to it."""
         if self._subscribers(self._truth):
             self._truth.publish(self._odometry_message(pose, stamp_s, "site"))
 
-    def publish_contact(self, _before: Contact | None, now: Contact | None) -> None:
+    def publish_contact(self, before: Contact | None, now: Contact | None) -> None:
         """Publish that a contact began, changed or ended."""
         self._contact.publish(self._text_message(now.name if now else ""))
-        self._publish_bumper(_before, now)
+        self._publish_bumper(before, now)
 
     def wants_pictures(self) -> bool:
         """Return whether a node subscribes to an image."""

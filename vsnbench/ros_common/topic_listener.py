@@ -1,15 +1,12 @@
 """Collects the messages of a robot's topics for the check-up."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from vsnbench.ros_common.interface import RosInterface
-from vsnbench.ros_common.odometry import OdometryReader
+from vsnbench.ros_common.odometry import OdometryReader, TakeOdometry
 from vsnbench.sensing.topic_monitor import TopicMessages, TopicMonitor
-
-TakeOdometry = Callable[[tuple[float, float, float], float, str], None]
-"""Takes x and y in metres and heading in radians, the stamp in seconds, and the name of the sending node."""
 
 
 class TopicListener(ABC):
@@ -26,8 +23,8 @@ class TopicListener(ABC):
         return self.monitor.listen(self.connecting_s, seconds)
 
     @abstractmethod
-    def follow_odometry(self, names: RosInterface, take: TakeOdometry) -> OdometryReader[Any]:
-        """Pass the odometry of a base to `take`.
+    def follow_odometry(self, names: RosInterface, take: TakeOdometry[str]) -> OdometryReader[Any]:
+        """Pass the odometry of a base to `take`, with the name of the sending node.
 
         Raises:
             RobotError: the source is TF, and the type of its messages is not installed.

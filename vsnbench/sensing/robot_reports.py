@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import Stamped
-from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics
+from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, Intrinsics
 from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.odometry import OdometryFault, OdometryReading, OdometryTracker
 from vsnbench.sensing.simulation import read_account
@@ -47,9 +47,7 @@ class RobotSnapshot:
     depths: tuple[Stamped[Any], ...] = ()
     labels: tuple[Stamped[Any], ...] = ()
     """Instance images of a simulator."""
-    calibrations: Mapping[str, Intrinsics | CalibrationError | None] = field(
-        default_factory=lambda: MappingProxyType({})
-    )
+    calibrations: Mapping[str, Calibration] = field(default_factory=lambda: MappingProxyType({}))
     """Calibration by topic of the images; None for an uncalibrated camera_info."""
     categories: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
     """Categories of a simulator by label."""
@@ -176,7 +174,7 @@ class RobotReports:
 
     def take_camera_info(self, image_topic: str, info: Any) -> None:
         """Take the sensor_msgs/CameraInfo of the images of a topic."""
-        calibration: Intrinsics | CalibrationError | None
+        calibration: Calibration
         try:
             calibration = Intrinsics.of(info, image_topic)
         except CalibrationError as error:

@@ -2,12 +2,8 @@
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 
-from vsnbench.control.command import Command
-
-_REMEMBERED = 200
 _HOLD_PERIOD_S = 0.01
 _HOLD_S = 1.0
 """Time for which zero velocity is streamed after the hold began, and after each velocity of another publisher."""
@@ -16,20 +12,6 @@ _HOLD_S = 1.0
 def rival_text(publisher: str, topic: str) -> str:
     """Return the fault that another publisher commands the base."""
     return f"{publisher} also commands velocities on {topic}: end it"
-
-
-class SentCommands:
-    """The latest velocities that this process sent, to recognize them on the topic."""
-
-    def __init__(self) -> None:
-        self._sent: deque[Command] = deque(maxlen=_REMEMBERED)
-
-    def add(self, command: Command) -> None:
-        """Add a velocity before it is sent."""
-        self._sent.append(command)
-
-    def __contains__(self, command: Command) -> bool:
-        return command in tuple(self._sent)
 
 
 class ZeroHold:

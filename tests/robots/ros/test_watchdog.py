@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vsnbench.robots.checkup.watchdog import stored_watchdog_result
+from vsnbench.robots.checkup.ros2 import stored_watchdog_result
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.watchdog import (
     WatchdogMeasurement,

@@ -47,7 +47,7 @@ class Client:
             "stamp_s": seen.stamp_s,
             "depth_stamp_s": seen.depth_stamp_s,
             "pose": dataclasses.astuple(seen.pose),
-            "capture": dataclasses.asdict(self.robot.last_capture),
+            "capture": dict(seen.sensing),
         }
 
     def execute(self, action: str) -> dict:

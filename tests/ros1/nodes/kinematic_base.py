@@ -19,8 +19,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Empty, String
 
-from vsnbench.ros1.battery import SensorState
-from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
+from vsnbench.ros1.messages import BumperEvent, CliffEvent, SensorState, WheelDropEvent
 from vsnbench.values.pose import Pose
 
 rospy.init_node("kinematic_base")

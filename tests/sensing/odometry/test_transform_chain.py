@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vsnbench.sensing.odometry.transform_chain import ChainPose, Link, TransformChain, frame_of, pose_of
+from vsnbench.sensing.odometry.odometry import PlanarReading
+from vsnbench.sensing.odometry.transform_chain import Link, TransformChain, frame_of, pose_of
 
 STILL = (0.0, 0.0, 0.0, 1.0)
 lengths = st.floats(-50, 50)
@@ -53,10 +54,10 @@ def test_fixed_links_may_come_in_any_order(order: list[int]) -> None:
 
 def test_only_a_new_stamp_of_the_odometry_gives_a_pose() -> None:
     chain = TransformChain("odom", "base")
-    assert chain.add([yawed("odom", "base", 1.0, 0.5)], fixed=False) == ChainPose(0.5, 0.0, 0.0, 1.0)
+    assert chain.add([yawed("odom", "base", 1.0, 0.5)], fixed=False) == PlanarReading(0.5, 0.0, 0.0, 1.0)
     assert chain.add([yawed("odom", "base", 1.0, 0.6)], fixed=False) is None
     assert chain.add([yawed("base", "camera", 2.0, 0.1)], fixed=False) is None
-    assert chain.add([yawed("odom", "base", 2.0, 0.6)], fixed=False) == ChainPose(0.6, 0.0, 0.0, 2.0)
+    assert chain.add([yawed("odom", "base", 2.0, 0.6)], fixed=False) == PlanarReading(0.6, 0.0, 0.0, 2.0)
 
 
 def test_a_silent_moving_link_ends_the_odometry() -> None:

@@ -131,10 +131,10 @@ def _uses_ros1(profile: "RobotProfile", ros_arguments: list[str] | None) -> bool
         RobotError: the profile has no ROS interface.
         UsageError: there are ROS 1 arguments for a ROS 2 robot.
     """
-    from vsnbench.robots.ros.interface_kinds import kind_of
+    from vsnbench.robots.ros.interface_kinds import interface_of
     from vsnbench.values.robot_identity import ROS1
 
-    is_ros1 = kind_of(profile).kind == ROS1
+    is_ros1 = interface_of(profile).kind == ROS1
     if ros_arguments and not is_ros1:
         raise UsageError(
             f"{profile.name} uses ROS 2, and {ros_arguments[0]!r} is a ROS 1 argument",

@@ -34,7 +34,7 @@ def list_robots(as_json: Json = False) -> None:
     """List the values of --robot."""
     from vsnbench.robots.profiles import embedded_profiles, load_profile
     from vsnbench.robots.registry import known_robots
-    from vsnbench.robots.ros.interface_kinds import INTERFACE_KINDS
+    from vsnbench.robots.ros.interface_kinds import interface_of
 
     profiles = {name: load_profile(name) for name in embedded_profiles()}
     titles = {name: profile.title for name, profile in profiles.items()}
@@ -45,8 +45,7 @@ def list_robots(as_json: Json = False) -> None:
             return f"{titles.get(profile or 'turtlebot2', profile)} in the site's simulated twin, in this process"
         if name not in profiles:
             return "a plug-in"
-        interface = profiles[name].interface
-        return f"{titles[name]} {INTERFACE_KINDS[interface.kind].title if interface else ''}".strip()
+        return f"{titles[name]} {interface_of(profiles[name]).title if profiles[name].interface else ''}".strip()
 
     rows = [(name, description(name)) for name in known_robots()]
     if as_json:

@@ -1,6 +1,7 @@
 """The check-up of a robot over ROS before a session."""
 
 import math
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -9,14 +10,15 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
-from vsnbench.robots.checkup.hazards import ActiveHazards
-from vsnbench.robots.checkup.images import frozen_result, image_results
-from vsnbench.robots.checkup.odometry import PlanarReading, TfReadings, frames_result, odometry_results
+from vsnbench.robots.checkup.images import frozen_result, image_results, image_type
+from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
 from vsnbench.ros_common.odometry import OdometryReader
 from vsnbench.ros_common.topic_listener import TopicListener
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -25,6 +27,29 @@ DOCTOR = "vsnbench_doctor"
 """Name of the node of a check-up."""
 _TURN_DEG = 30
 _DEFAULT_ADVICE = "check the log of discrete_move"
+
+
+class ActiveHazards:
+    """The active hazard sensors of a base; thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._active: dict[tuple[Hazard, int], str] = {}
+
+    def take(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
+        """Take the state of one sensor."""
+        with self._lock:
+            self._active.pop((hazard, sensor), None)
+            if active:
+                self._active[hazard, sensor] = where
+
+    def results(self) -> Iterator[CheckResult]:
+        """Report the active sensors; nothing if there are none."""
+        with self._lock:
+            active = sorted(f"{hazard.value} ({where})" for (hazard, _), where in self._active.items())
+        if active:
+            advice = "free the robot, and put it flat on its wheels"
+            yield CheckResult("hazards", Health.FAILED, f"the base reports: {', '.join(active)}", advice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +82,9 @@ class TurnTest(ABC):
     def newest_depth(self) -> Any:
         """Return a depth image that arrives from now on; None if none arrives."""
 
-    @abstractmethod
     def further_results(self) -> Iterator[CheckResult]:
-        """Perform the checks that follow successful turns."""
+        """Perform the checks that follow successful turns: none by default."""
+        return iter(())
 
 
 class RosCheckup(ABC):
@@ -189,6 +214,12 @@ class RosCheckup(ABC):
         if self.names.tf:
             self.messages[self.names.odometry_topic] = self.transforms.messages
 
+    @property
+    def raw_topics(self) -> dict[str, str]:
+        """The topics that `listen` receives as bytes: all but TF."""
+        tf_topic = self.names.odometry_topic if self.names.tf else ""
+        return {topic: kind for topic, kind in self.topics.items() if topic != tf_topic}
+
     def _topic_results(self) -> Iterator[CheckResult]:
         names = self.names
         rates = {names.odometry_topic: self.profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
@@ -228,6 +259,19 @@ class RosCheckup(ABC):
                 yield from _turn_results(test)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
+
+
+def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:
+    """Return the type of every topic that the robot should publish; `others` are the types of further topics."""
+    kinds = {
+        names.odometry_topic: names.odometry_type,
+        names.color: image_type(names.color),
+        names.depth: image_type(names.depth),
+        names.color_info: "sensor_msgs/CameraInfo",
+        names.depth_info: "sensor_msgs/CameraInfo",
+        **others,
+    }
+    return {topic: names.type_name(kind) for topic, kind in kinds.items() if topic}
 
 
 def _turn_results(test: TurnTest) -> Iterator[CheckResult]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.checkup.ros1 import Ros1Checkup
 from vsnbench.robots.checkup.ros2 import Ros2Checkup
-from vsnbench.robots.ros.interface_kinds import kind_of
+from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_identity import ROS1
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -20,5 +20,5 @@ def check_up(profile: RobotProfile, *, move: bool = False) -> Iterator[CheckResu
     Raises:
         RobotError: the profile has no interface of a known kind.
     """
-    checkup = Ros1Checkup(profile) if kind_of(profile).kind == ROS1 else Ros2Checkup(profile)
+    checkup = Ros1Checkup(profile) if interface_of(profile).kind == ROS1 else Ros2Checkup(profile)
     return checkup.results(move=move)

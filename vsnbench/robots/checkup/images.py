@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.errors import ImageError
 from vsnbench.protocol.depth_evidence import evidence_pixels
@@ -17,7 +16,7 @@ from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, CalibrationError, Intrinsics, rectifier_of
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, CalibrationError, Intrinsics, rectifier_of
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -78,14 +77,18 @@ def image_results(
             frames = decoded
     if frames:
         yield from _depth_results(profile, [np.rot90(frame, -turns) for frame in frames])
-    calibrations: dict[str, Intrinsics | CalibrationError | None] = {}
+    calibrations: dict[str, Calibration] = {}
     for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
         if info and topic and messages[info].messages:
             calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
             yield _calibration_result(profile, info, topic, calibrations[topic], turns)
     if frames:
         median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
-        yield from _mount_results(profile, calibrations.get(names.depth), median_m, turns)
+        try:
+            rectifier = rectifier_of(calibrations.get(names.depth), camera, "", turns)
+        except CalibrationError:
+            return
+        yield from mount_results(rectifier.depth(median_m), camera)
 
 
 def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[CheckResult]:
@@ -132,7 +135,7 @@ def _message(read: Read, topic: str, data: bytes) -> Any:
         raise ImageError(f"a message on {topic} is not a {kind}") from error
 
 
-def _calibration(read: Read, data: bytes, topic: str) -> Intrinsics | CalibrationError | None:
+def _calibration(read: Read, data: bytes, topic: str) -> Calibration:
     try:
         return Intrinsics.of(read("sensor_msgs/CameraInfo", data), topic)
     except CalibrationError as error:
@@ -143,7 +146,7 @@ def _calibration_result(
     profile: RobotProfile,
     info: str,
     topic: str,
-    calibration: Intrinsics | CalibrationError | None,
+    calibration: Calibration,
     turns: int,
 ) -> CheckResult:
     if calibration is None:
@@ -163,17 +166,3 @@ def _calibration_result(
             f"set camera.horizontal_fov_deg: {fov_deg:.1f} in your profile",
         )
     return CheckResult(info, Health.OK, f"field of view {fov_deg:.1f}°{moved}")
-
-
-def _mount_results(
-    profile: RobotProfile,
-    calibration: Intrinsics | CalibrationError | None,
-    median_m: npt.NDArray[np.float32],
-    turns: int,
-) -> Iterator[CheckResult]:
-    """Check the mount by the depth image, unless its calibration is faulty."""
-    try:
-        rectifier = rectifier_of(calibration, profile.camera, "", turns)
-    except CalibrationError:
-        return
-    yield from mount_results(rectifier.depth(median_m), profile.camera)

@@ -3,27 +3,16 @@
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import noise_of, noise_words, too_noisy
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros_common.interface import OdometryFrames
-from vsnbench.sensing.odometry.odometry import OdometryTracker
+from vsnbench.sensing.odometry.odometry import OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages
 from vsnbench.values.action import Action
 from vsnbench.values.robot_profile import RobotProfile
-
-
-@dataclass(frozen=True, slots=True)
-class PlanarReading:
-    """One odometry message: metres, radians, seconds on the robot's clock."""
-
-    x_m: float
-    y_m: float
-    heading_rad: float
-    stamp_s: float
 
 
 class TfReadings:

@@ -1,6 +1,6 @@
 """Plausibility of a robot profile: valid values that do not fit together."""
 
-from vsnbench.robots.ros.interface_kinds import interface_of, kind_of
+from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_profile import RobotProfile
 
 _UNALIGNED_DEPTH = "depth/image_rect_raw"
@@ -39,11 +39,11 @@ def implausible_values(profile: RobotProfile) -> list[str]:
 
 
 def _implausible_interface(profile: RobotProfile) -> list[str]:
-    kind, names = kind_of(profile), interface_of(profile)
+    names = interface_of(profile)
     found = []
-    if profile.base.has_bumper != any(getattr(names, field) for field in kind.bumpers):
+    if profile.base.has_bumper != any(getattr(names, field) for field in names.contact_fields):
         found.append(
-            f"base.has_bumper and interface.{' or '.join(kind.bumpers)} do not agree: without the topic, the "
+            f"base.has_bumper and interface.{' or '.join(names.contact_fields)} do not agree: without the topic, the "
             "operator has to report collisions"
         )
     if not names.depth:
@@ -53,6 +53,6 @@ def _implausible_interface(profile: RobotProfile) -> list[str]:
             f"interface.depth {names.depth} is not aligned to the colour image: enable align_depth of the "
             "RealSense and use aligned_depth_to_color/image_raw"
         )
-    topics = [getattr(names, field) for field in kind.topics]
+    topics = [getattr(names, field) for field in names.distinct_fields]
     found += [f"two parts share the topic {t}" for t in sorted({t for t in topics if t and topics.count(t) > 1})]
     return found

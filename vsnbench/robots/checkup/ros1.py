@@ -7,20 +7,21 @@ import os
 import socket
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
-from vsnbench.robots.checkup.images import image_type, type_advice
+from vsnbench.robots.checkup.images import type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros1.graph import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
-from vsnbench.ros1.interface import TF_MESSAGE, Ros1Interface, ros1_interface
+from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros_common.messages import planar
 from vsnbench.sensing.topic_monitor import TopicMessages
@@ -38,7 +39,7 @@ _OWN_NODES = frozenset({"/vsnbench", _NODE})
 _TWIST = "geometry_msgs/Twist"
 
 
-class Ros1Checkup(RosCheckup):
+class Ros1Checkup(RosCheckup, TurnTest):
     """Checks every part of a robot over ROS 1."""
 
     names: Ros1Interface
@@ -47,8 +48,14 @@ class Ros1Checkup(RosCheckup):
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
-        self.names = ros1_interface(profile)
-        self.topics = _topics(self.names)
+        self.names = names = ros1_interface(profile)
+        others: dict[str, str] = {
+            names.bumper: names.bumper_type,
+            names.cliff: names.cliff_type,
+            names.wheel_drop: names.wheel_drop_type,
+            names.battery: names.battery_type,
+        }
+        self.topics = expected_topics(names, others)
         self._state = SystemState({}, {}, {})
         self._types: dict[str, str] = {}
 
@@ -78,7 +85,7 @@ class Ros1Checkup(RosCheckup):
         from vsnbench.ros1.topic_listener import TopicListener
 
         names = self.names
-        self.listener = TopicListener(DOCTOR, [topic for topic, kind in self.topics.items() if kind != TF_MESSAGE])
+        self.listener = TopicListener(DOCTOR, self.raw_topics)
         self.closing.callback(self.listener.close)
         subscribe_hazards(names, self.hazards.take)
         self.listen(self.listener)
@@ -127,9 +134,8 @@ class Ros1Checkup(RosCheckup):
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
 
-    @contextmanager
-    def _turn_test(self) -> Iterator[TurnTest]:
-        yield _TurnTest(self, self._client())
+    def _turn_test(self) -> AbstractContextManager[TurnTest]:
+        return nullcontext(self)
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return self._state.publishers.get(topic, [])
@@ -173,7 +179,23 @@ class Ros1Checkup(RosCheckup):
                 remote.add(node)
         return frozenset(remote)
 
-    def heading_rad(self) -> float | None:
+    def turn(self, movement: str, angle_deg: int) -> Turn:
+        """Turn the robot by the server of discrete_move.
+
+        Raises:
+            RobotError: the server does not answer.
+        """
+        from vsnbench.ros1.messages import DiscreteServerRequest
+
+        timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, MotionSettings.for_robot(self.profile)) + 12.0
+        before = self._heading_rad()
+        answered = bool(self._client().call(DiscreteServerRequest(movement, angle_deg), timeout_s).response)
+        after = self._heading_rad()
+        if before is None or after is None:
+            return Turn(answered, None)
+        return Turn(answered, math.remainder(after - before, math.tau))
+
+    def _heading_rad(self) -> float | None:
         """Return the heading of the odometry after a motion has settled; None without odometry."""
         if self.names.tf:
             return self.transforms.settled_heading_rad()
@@ -190,56 +212,7 @@ class Ros1Checkup(RosCheckup):
         from vsnbench.ros1.messages import DiscreteServer
         from vsnbench.ros1.service_call import ServiceClient
 
-        return ServiceClient(self.names.discrete_move, DiscreteServer, self._master, _NODE)
-
-
-class _TurnTest(TurnTest):
-    """Turns the robot by the server of discrete_move."""
-
-    def __init__(self, checkup: Ros1Checkup, client: ServiceClient) -> None:
-        self._checkup = checkup
-        self._client = client
-        settings = MotionSettings.for_robot(checkup.profile)
-        self._timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, settings) + 12.0
-
-    def turn(self, movement: str, angle_deg: int) -> Turn:
-        """Turn the robot.
-
-        Raises:
-            RobotError: the server does not answer.
-        """
-        from vsnbench.ros1.messages import DiscreteServerRequest
-
-        before = self._checkup.heading_rad()
-        answered = bool(self._client.call(DiscreteServerRequest(movement, angle_deg), self._timeout_s).response)
-        after = self._checkup.heading_rad()
-        if before is None or after is None:
-            return Turn(answered, None)
-        return Turn(answered, math.remainder(after - before, math.tau))
-
-    def newest_depth(self) -> Any:
-        """Return a depth image that arrives from now on; None if none arrives."""
-        return self._checkup.newest_depth()
-
-    def further_results(self) -> Iterator[CheckResult]:
-        """Check nothing: the server of discrete_move stops the base."""
-        return iter(())
-
-
-def _topics(names: Ros1Interface) -> dict[str, str]:
-    """Return the type of every topic that the robot should publish."""
-    expected = {
-        names.odometry_topic: names.odometry_type,
-        names.color: image_type(names.color),
-        names.depth: image_type(names.depth),
-        names.color_info: "sensor_msgs/CameraInfo",
-        names.depth_info: "sensor_msgs/CameraInfo",
-        names.bumper: names.bumper_type,
-        names.cliff: names.cliff_type,
-        names.wheel_drop: names.wheel_drop_type,
-        names.battery: names.battery_type,
-    }
-    return {topic: kind for topic, kind in expected.items() if topic}
+        return ServiceClient(self.names.discrete_move, DiscreteServer, replace(self._master, caller=_NODE))
 
 
 def _own_address(master: Master) -> CheckResult:

@@ -11,18 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
-from vsnbench.robots.checkup.images import image_type
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.robots.checkup.watchdog import stored_watchdog_result, watchdog_result
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.start import Patience, wait_until_ready
-from vsnbench.robots.ros.watchdog import measure_watchdog, store_measurement
+from vsnbench.robots.ros.watchdog import (
+    WatchdogMeasurement,
+    measure_watchdog,
+    robot_option,
+    store_measurement,
+    stored_measurement,
+    watchdog_advice,
+)
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
 from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
-from vsnbench.ros2.interface import TF_MESSAGE, VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.simulation import ACCOUNT
@@ -34,7 +39,6 @@ if TYPE_CHECKING:
     from vsnbench.ros2.topic_listener import TopicListener
 
 _DEPTH_S = 2.0
-_BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 
 
 class Ros2Checkup(RosCheckup):
@@ -47,7 +51,7 @@ class Ros2Checkup(RosCheckup):
         super().__init__(profile)
         self.names = ros2_interface(profile)
         self.image_turns = self.names.image_turns
-        self.topics = _topics(self.names)
+        self.topics = expected_topics(self.names, {self.names.battery: "sensor_msgs/BatteryState"})
         self.dock = Dock(profile.name, self.names)
         self._others: list[str] = []
 
@@ -59,9 +63,8 @@ class Ros2Checkup(RosCheckup):
         yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
         from vsnbench.ros2.topic_listener import TopicListener
 
-        topics = {topic: kind for topic, kind in self.topics.items() if kind != TF_MESSAGE}
         try:
-            self.listener = TopicListener(DOCTOR, self.names.root, topics)
+            self.listener = TopicListener(DOCTOR, self.names.root, self.raw_topics)
             self.closing.callback(self.listener.close)
         except RobotError as error:
             yield CheckResult("node", Health.FAILED, error.statement, error.advice)
@@ -245,6 +248,24 @@ class _TurnTest(TurnTest):
             yield watchdog_result(measured, self._profile)
 
 
+def watchdog_result(measurement: WatchdogMeasurement, profile: RobotProfile) -> CheckResult:
+    """Return whether a measurement passed."""
+    if measurement.passed:
+        return CheckResult("watchdog", Health.OK, measurement.seen)
+    return CheckResult("watchdog", Health.FAILED, measurement.seen, watchdog_advice(profile))
+
+
+def stored_watchdog_result(profile: RobotProfile, *, simulated: bool) -> CheckResult:
+    """Return whether the stored measurement of a base passed."""
+    measurement = stored_measurement(profile, simulated=simulated)
+    if measurement is None:
+        seen = "not measured on this machine: vsnbench run will not steer the base"
+        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {robot_option(profile)} --move")
+    result = watchdog_result(measurement, profile)
+    seen = f"{result.seen} ({measurement.measured_at:%Y-%m-%d})"
+    return CheckResult(result.what, result.health, seen, result.advice)
+
+
 def graph_result(others: list[str]) -> CheckResult:
     """Return whether there are other nodes on the graph."""
     if not others:
@@ -253,16 +274,3 @@ def graph_result(others: list[str]) -> CheckResult:
         )
         return CheckResult("graph", Health.FAILED, f"{discovery()}: no other nodes", advice)
     return CheckResult("graph", Health.OK, f"{discovery()}: {len(others)} other nodes")
-
-
-def _topics(names: Ros2Interface) -> dict[str, str]:
-    """Return the type of every topic that the robot should publish, for types that every ROS 2 has."""
-    expected = {
-        names.odometry_topic: names.odometry_type,
-        names.color: image_type(names.color).replace("/", "/msg/"),
-        names.depth: image_type(names.depth).replace("/", "/msg/"),
-        names.color_info: "sensor_msgs/msg/CameraInfo",
-        names.depth_info: "sensor_msgs/msg/CameraInfo",
-        names.battery: _BATTERY_STATE,
-    }
-    return {topic: kind for topic, kind in expected.items() if topic}

@@ -3,8 +3,7 @@
 import hashlib
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,11 @@ from vsnbench.sensing.images.camera_images import (
     share_invalid,
 )
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics, Rectifier, rectifier_of
+from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, Rectifier, rectifier_of
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.values.camera import Camera
-from vsnbench.values.observation import InstanceImage
+from vsnbench.values.observation import InstanceImage, Observation
+from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 CAMERA_TIMEOUT_S = 3.0
@@ -41,55 +41,6 @@ _CALIBRATION_S = 2.0
 """Time for the first camera_info, which drivers publish with every image."""
 _STALE_S = 2.0
 """Age at which an image is no longer current."""
-
-
-@dataclass(frozen=True, slots=True)
-class CaptureReport:
-    """Durations and quality of the images of an observation."""
-
-    waited_s: float
-    """Time until images taken after the motion arrived."""
-    computed_s: float
-    """Time for decoding and filtering."""
-    skew_s: float
-    """Colour stamp minus depth stamp."""
-    depth_frames: int
-    invalid_before: float
-    """Share of pixels without a measurement in the newest depth image, 0 to 1."""
-    invalid_after: float
-    """Share after the median."""
-
-    @property
-    def numbers(self) -> dict[str, float]:
-        """Finite values by name, for the record."""
-        return {name: number for name, number in asdict(self).items() if math.isfinite(number)}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Images:
-    """The images of one observation."""
-
-    rgb: npt.NDArray[np.uint8]
-    """(H, W, 3)."""
-    depth_m: npt.NDArray[np.float32] | None
-    """(H, W) metres; None for a robot without depth."""
-    beyond_range: npt.NDArray[np.bool_] | None
-    """(H, W) pixels whose surface is beyond the range; None for a robot without depth."""
-    instances: InstanceImage | None
-    """Labels of a simulator, or None."""
-    stamp_s: float
-    depth_stamp_s: float | None
-    depth_frame_digest: bytes | None
-    """Digest of the newest depth image as received; None without depth."""
-    report: CaptureReport
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rectified:
-    """A rectifier and its calibration."""
-
-    calibration: Intrinsics | CalibrationError | None
-    rectifier: Rectifier
 
 
 class RosCamera:
@@ -105,7 +56,8 @@ class RosCamera:
         self._names = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """Number of depth images per median."""
-        self._rectifiers: dict[str, _Rectified] = {}
+        self._rectifiers: dict[str, tuple[Calibration, Rectifier]] = {}
+        """Rectifier by topic, and the calibration that it is for."""
         self.labelled = link.has_labels
         """Whether a simulator labels the images; read once, because a ROS master may die during an episode."""
         self._await_calibration()
@@ -125,8 +77,12 @@ class RosCamera:
         for topic in wanted:
             self._rectifier(topic)
 
-    def capture(self, end: MotionEnd) -> Images:
-        """Return images taken after `end`.
+    def capture(self, end: MotionEnd, read_pose: Callable[[], Pose]) -> Observation:
+        """Return an observation with images taken after `end`; the depth is the median of several images.
+
+        Args:
+            end: end of the last motion.
+            read_pose: returns the odometry; called when the images have arrived.
 
         Raises:
             SensorLostError: a camera is silent, or its images do not fit the profile.
@@ -166,17 +122,26 @@ class RosCamera:
                 beyond = None if beyond is None else rectifier.labels(beyond)
         except CalibrationError as error:
             raise SensorLostError(error.statement, advice=error.advice, code=error.code) from error
-        report = CaptureReport(
-            waited_s=got_s - began_s,
-            computed_s=time.monotonic() - got_s,
-            skew_s=match.skew_s,
-            depth_frames=len(frames),
-            invalid_before=float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
-            invalid_after=invalid_after,
+        sensing = {
+            "waited_s": got_s - began_s,  # until the images arrived
+            "computed_s": time.monotonic() - got_s,
+            "skew_s": match.skew_s,  # colour stamp minus depth stamp
+            "depth_frames": len(frames),
+            "invalid_before": float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
+            "invalid_after": invalid_after,  # of the median
+        }
+        return Observation(
+            rgb=rgb,
+            depth_m=depth_m,
+            pose=read_pose(),
+            stamp_s=match.color.stamp_s,
+            camera=self.model,
+            instances=instances,
+            depth_stamp_s=match.depths[-1].stamp_s if match.depths else None,
+            beyond_range=beyond,
+            sensing={name: number for name, number in sensing.items() if math.isfinite(number)},
+            depth_frame_digest=hashlib.blake2b(frames[-1].tobytes(), digest_size=16).digest() if frames else None,
         )
-        depth_stamp_s = match.depths[-1].stamp_s if match.depths else None
-        digest = hashlib.blake2b(frames[-1].tobytes(), digest_size=16).digest() if frames else None
-        return Images(rgb, depth_m, beyond, instances, match.color.stamp_s, depth_stamp_s, digest, report)
 
     @property
     def model(self) -> Camera:
@@ -238,10 +203,10 @@ class RosCamera:
         """
         calibration = self._link.snapshot().calibrations.get(topic)
         known = self._rectifiers.get(topic)
-        if known is not None and known.calibration is calibration:
-            return known.rectifier
+        if known is not None and known[0] is calibration:
+            return known[1]
         rectifier = rectifier_of(calibration, self._profile.camera, topic, self._link.image_turns)
-        self._rectifiers[topic] = _Rectified(calibration, rectifier)
+        self._rectifiers[topic] = calibration, rectifier
         return rectifier
 
     def _missing_images(self, waited_s: float) -> SensorLostError:

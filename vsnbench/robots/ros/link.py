@@ -1,7 +1,7 @@
 """Opens the connection to the robot of a profile."""
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.ros.interface_kinds import kind_of
+from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.values.robot_identity import ROS1
 from vsnbench.values.robot_profile import RobotProfile
@@ -13,7 +13,7 @@ def connect(profile: RobotProfile, parameters: ProtocolParameters) -> RobotLink:
     Raises:
         RobotError: the profile has no ROS interface, its ROS is not installed, or the network refuses the node.
     """
-    if kind_of(profile).kind == ROS1:
+    if interface_of(profile).kind == ROS1:
         from vsnbench.ros1.installation import require_ros1
 
         require_ros1()

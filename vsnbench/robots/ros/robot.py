@@ -18,7 +18,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import PathCheck, Robot
-from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, CaptureReport, RosCamera
+from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, RosCamera
 from vsnbench.robots.ros.conditions import await_account, conditions_of, require_same_conditions
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.movement_runner import MovementRunner
@@ -73,7 +73,6 @@ class RosRobot(Robot):
             )
         self._settings = MotionSettings.for_robot(profile, self._parameters)
         self._patience_s = patience_s
-        self.last_capture: CaptureReport | None = None
         self._start: Pose | None = None
         self._link = connect(profile, self._parameters)
         self.movements = MovementRunner(self._link, self._settings)
@@ -160,21 +159,8 @@ class RosRobot(Robot):
             SensorLostError: a camera or the odometry is silent, or does not fit the profile.
         """
         self._require_begun()
-        images = self._camera.capture(self.movements.end)
-        pose = self.movements.relative(self.movements.fresh())
-        self.last_capture = images.report
-        return Observation(
-            rgb=images.rgb,
-            depth_m=images.depth_m,
-            pose=pose,
-            stamp_s=images.stamp_s,
-            camera=self.profile.camera.without_roll,
-            instances=images.instances,
-            beyond_range=images.beyond_range,
-            depth_stamp_s=images.depth_stamp_s,
-            sensing=images.report.numbers,
-            depth_frame_digest=images.depth_frame_digest,
-        )
+        movements = self.movements
+        return self._camera.capture(movements.end, lambda: movements.relative(movements.fresh()))
 
     def execute(self, action: Action) -> MotionResult:
         """Execute one action by discrete_move, and measure it by the odometry."""
@@ -196,11 +182,8 @@ class RosRobot(Robot):
         limit_s = longest_duration_s(movement, self._settings) + 2.0
         name = movement_to_json(movement)["kind"]
         looks = PathLooks(self._camera, check) if self._link.names.depth else None
-
-        def call(watch: Callable[[], None]) -> bool:
-            return self._link.drive(movement, limit_s, watch)
-
-        return self.movements.run(RequestedDrive(movement, self._settings), name, call, looks)
+        requested = RequestedDrive(movement, self._settings)
+        return self.movements.run(requested, name, lambda watch: self._link.drive(movement, limit_s, watch), looks)
 
     def locate(self) -> Fix:
         """Return the pose of the simulator, or the start composed with the odometry."""

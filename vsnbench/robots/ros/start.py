@@ -7,7 +7,6 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from vsnbench.errors import NoAnswerError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.ros_common.robot_link import RobotLink
@@ -26,16 +25,13 @@ _PLACED_M, _PLACED_RAD = 0.02, math.radians(1)
 """A placed robot is this close to its start."""
 
 
-@dataclass
 class Patience:
     """Time in which the parts of a robot have to answer; logs once what is waited for."""
 
-    allowed_s: float
-    _give_up_s: float = field(init=False)
-    _logged: str = field(init=False, default="")
-
-    def __post_init__(self) -> None:
-        self._give_up_s = time.monotonic() + self.allowed_s
+    def __init__(self, allowed_s: float) -> None:
+        self.allowed_s = allowed_s
+        self._give_up_s = time.monotonic() + allowed_s
+        self._logged = ""
 
     @property
     def left_s(self) -> float:

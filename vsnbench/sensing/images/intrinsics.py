@@ -135,13 +135,15 @@ class Intrinsics:
         return np.column_stack([self.focal_x_px * right + self.center_x_px, self.focal_y_px * down + self.center_y_px])
 
 
-def rectifier_of(
-    calibration: "Intrinsics | CalibrationError | None", camera: Camera, topic: str, turns: int = 0
-) -> "Rectifier":
+Calibration = Intrinsics | CalibrationError | None
+"""Received calibration: its error if it cannot be used, None for an uncalibrated camera or without camera_info."""
+
+
+def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: int = 0) -> "Rectifier":
     """Return the rectifier of a topic's images to the camera of the profile.
 
     Args:
-        calibration: received calibration, its error, or None.
+        calibration: see Calibration.
         camera: camera of the profile.
         topic: topic of the images, for errors.
         turns: number of clockwise quarter turns that set an image upright.

@@ -14,6 +14,16 @@ _JUMP_FACTOR = 1.5
 
 
 @dataclass(frozen=True, slots=True)
+class PlanarReading:
+    """One odometry message: metres, radians, seconds on the robot's clock."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class OdometryReading:
     """One measurement of a base; its heading is unwrapped."""
 
@@ -93,8 +103,8 @@ class ClockOffset:
     Uses the smallest difference of the latest messages, whose transport was fastest.
     """
 
-    def __init__(self, window: int = 200) -> None:
-        self._differences: deque[float] = deque(maxlen=window)
+    def __init__(self) -> None:
+        self._differences: deque[float] = deque(maxlen=200)
         self.offset_s = 0.0
 
     def add(self, stamp_s: float, arrival_s: float) -> None:

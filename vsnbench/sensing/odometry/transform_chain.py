@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vsnbench.sensing.odometry.odometry import heading_of_quaternion
+from vsnbench.sensing.odometry.odometry import PlanarReading, heading_of_quaternion
 
 _MOST_FRAMES = 2000
 _MOST_NAMED = 8
@@ -29,17 +29,6 @@ class Link:
     rotation: Quaternion
 
 
-@dataclass(frozen=True, slots=True)
-class ChainPose:
-    """The planar pose of the base frame in the odometry frame."""
-
-    x_m: float
-    y_m: float
-    heading_rad: float
-    stamp_s: float
-    """Stamp of the first moving link below the odometry frame."""
-
-
 class TransformChain:
     """Composes the links of TF between two frames; thread-safe."""
 
@@ -51,7 +40,7 @@ class TransformChain:
         self._fixed: set[str] = set()
         self._last_stamp_s = math.nan
 
-    def add(self, links: Iterable[Link], *, fixed: bool) -> ChainPose | None:
+    def add(self, links: Iterable[Link], *, fixed: bool) -> PlanarReading | None:
         """Add the links of one message.
 
         Args:
@@ -59,7 +48,8 @@ class TransformChain:
             fixed: whether they are from the topic of fixed links.
 
         Returns:
-            The pose of the base if the message has a new stamp of the odometry link and all other links are known.
+            The pose of the base, with the stamp of the first moving link below the odometry frame; None unless that
+            stamp is new and all other links are known.
         """
         with self._lock:
             received = set()
@@ -129,7 +119,7 @@ class TransformChain:
         return frames
 
 
-def pose_of(chain: Iterable[Link], stamp_s: float) -> ChainPose:
+def pose_of(chain: Iterable[Link], stamp_s: float) -> PlanarReading:
     """Compose links, outermost first; the heading is NaN if a rotation is invalid."""
     position: Vector = (0.0, 0.0, 0.0)
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -137,7 +127,7 @@ def pose_of(chain: Iterable[Link], stamp_s: float) -> ChainPose:
         shift = _rotated(rotation, link.translation_m)
         position = (position[0] + shift[0], position[1] + shift[1], position[2] + shift[2])
         rotation = _product(rotation, _unit(link.rotation))
-    return ChainPose(position[0], position[1], heading_of_quaternion(*rotation), stamp_s)
+    return PlanarReading(position[0], position[1], heading_of_quaternion(*rotation), stamp_s)
 
 
 def frame_of(name: str) -> str:

@@ -1,6 +1,5 @@
 """Message types that `rostopic echo` imports by name."""
 
-from vsnbench.ros1.battery import SensorState
-from vsnbench.ros1.messages import BumperEvent, CliffEvent, WheelDropEvent
+from vsnbench.ros1.messages import BumperEvent, CliffEvent, SensorState, WheelDropEvent
 
 __all__ = ["BumperEvent", "CliffEvent", "SensorState", "WheelDropEvent"]
