@@ -23,7 +23,7 @@ from vsnbench.report.study import forms
 from vsnbench.report.study.findings import read_findings
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Model, Robot, Site, Step, Verdict
 from vsnbench.results.studies.evidence import read_evidence
@@ -59,7 +59,7 @@ def write_derived_files(results: Path, into: Path, note: LockNote | None = None)
             (into / folder).mkdir(parents=True, exist_ok=True)
         _write_tables(url, into / TABLES)
         _write_report(url, into / "report")
-        with open_record(url) as engine, record_errors(engine), reading(engine).begin() as connection:
+        with open_record(url) as engine, transaction(reading(engine)) as connection:
             for table in (Site, Robot, Model):
                 _write_conditions(connection, table.__table__, into / "conditions")  # type: ignore[arg-type]
             _write_json(into / "environment.json", environment(connection))
@@ -72,7 +72,7 @@ def _write_tables(url: str, directory: Path) -> None:
     record = Results(url)
     record.campaigns().to_csv(directory / "campaigns.csv", index=False, lineterminator="\n")
     record.episodes().to_csv(directory / "episodes.csv", index=False, lineterminator="\n")
-    with open_record(url) as engine, record_errors(engine), reading(engine).begin() as connection:
+    with open_record(url) as engine, transaction(reading(engine)) as connection:
         for name, (table, left_out) in RAW_TABLES.items():
             columns = [column for column in table.columns if column.name not in left_out]
             query = select(*columns).order_by(*table.primary_key.columns)

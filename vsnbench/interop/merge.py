@@ -22,7 +22,7 @@ from vsnbench.results.files.staged_import import StagedImport, files_below, remo
 from vsnbench.results.merging.plan import MergePlan, NewEpisode, OtherRecord, plan_merge
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.queries import images_directories
-from vsnbench.results.schema.engine import open_engine, reading, record_errors
+from vsnbench.results.schema.engine import opened_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, open_record, record_in_memory, upgrade
 from vsnbench.results.writing.journal import Journal
 
@@ -122,7 +122,9 @@ def merge(
         scratch = stack.enter_context(ScratchDirectory("merge")).path
         records = [_opened(stack, other, scratch / str(place)) for place, other in enumerate(others)]
         if not dry_run and _exists(target):
-            _upgrade(target)
+            create_record(target.database_url)
+            with opened_engine(target.database_url) as engine:
+                upgrade(engine)
         with _reading(target) as mine:
             plan = plan_merge(mine, records)
         sources = [
@@ -168,20 +170,11 @@ def _exists(target: ResultsDirectory) -> bool:
     return file is None or file.is_file()
 
 
-def _upgrade(target: ResultsDirectory) -> None:
-    create_record(target.database_url)
-    engine = open_engine(target.database_url)
-    try:
-        upgrade(engine)
-    finally:
-        engine.dispose()
-
-
 @contextmanager
 def _reading(target: ResultsDirectory) -> Iterator[Connection]:
     """Yield a snapshot of the record, or of an empty one if it does not exist."""
     opened = open_record(target.database_url) if _exists(target) else record_in_memory()
-    with opened as engine, record_errors(engine), reading(engine).begin() as connection:
+    with opened as engine, transaction(reading(engine)) as connection:
         yield connection
 
 

@@ -3,6 +3,7 @@
 import os
 import sqlite3
 import subprocess
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -55,17 +56,25 @@ def _copy_sqlite(source: Path, target: Path) -> None:
 
 def _dump_postgresql(url: str, target: Path) -> None:
     connection, secrets = libpq_connection(url)
+    run_postgresql_client(
+        ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"], secrets
+    )
+
+
+def run_postgresql_client(command: Sequence[str], secrets: Mapping[str, str]) -> str:
+    """Run a program of PostgreSQL's client with further environment variables, and return its output.
+
+    Raises:
+        RecordError: the program is not installed, or failed.
+    """
+    program, environment = command[0], {**os.environ, **secrets}
     try:
-        done = subprocess.run(
-            ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **secrets},
-        )
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     except FileNotFoundError as error:
         raise RecordError(
-            "a backup of PostgreSQL requires the program pg_dump", advice="install postgresql-client"
+            f"a backup of a PostgreSQL database requires the program {program}", advice="install postgresql-client"
         ) from error
     if done.returncode:
-        raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")
+        reason = (done.stderr.strip().splitlines() or ["no reason given"])[0]
+        raise RecordError(f"{program} failed: {reason}", advice="nothing was changed")
+    return done.stdout

@@ -94,6 +94,16 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockWait | None 
     return engine
 
 
+@contextmanager
+def opened_engine(url: str, *, read_only: bool = False) -> Iterator[Engine]:
+    """Open a database as `open_engine` does, and close it at the end of the block."""
+    engine = open_engine(url, read_only=read_only)
+    try:
+        yield engine
+    finally:
+        engine.dispose()
+
+
 def opened_urls() -> tuple[str, ...]:
     """Return the URLs of the databases that this process has opened, in order."""
     return tuple(_opened)
