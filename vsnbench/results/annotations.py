@@ -12,7 +12,7 @@ from typing import Final
 from sqlalchemy import ColumnElement, Connection, exists, insert, select
 
 from vsnbench.errors import UsageError
-from vsnbench.results.schema.row_encoding import text
+from vsnbench.results.schema.row_encoding import parts, text
 from vsnbench.results.schema.tables import Episode, Event, Verdict
 from vsnbench.text.sanitize import sanitize
 
@@ -21,7 +21,6 @@ TAGGED: Final = "tagged"
 UNTAGGED: Final = "untagged"
 MAX_NOTE_CHARACTERS: Final = 2000
 _TAG = re.compile(r"[^\W_][\w.:-]{0,39}")
-_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +94,11 @@ def annotate(connection: Connection, episode_ids: Collection[int], annotation: A
 
 def tags_of(connection: Connection, episode_ids: Iterable[int]) -> dict[int, tuple[str, ...]]:
     """Return the tags of those of these episodes that have some, in alphabetical order."""
-    numbers = sorted(set(episode_ids))
     latest: dict[int, dict[str, bool]] = {}
-    for first in range(0, len(numbers), _AT_ONCE):
+    for some in parts(episode_ids):
         query = (
             select(Event.episode_id, Event.text, Event.kind)
-            .where(Event.episode_id.in_(numbers[first : first + _AT_ONCE]), Event.kind.in_([TAGGED, UNTAGGED]))
+            .where(Event.episode_id.in_(some), Event.kind.in_([TAGGED, UNTAGGED]))
             .order_by(Event.created_at, Event.id)
         )
         for number, tag, kind in connection.execute(query):

@@ -1,6 +1,7 @@
 """Checks every value of a record: its type and range, references, and the hashes that rows have of their content."""
 
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from typing import Any
 
 from pydantic import ValidationError
@@ -92,21 +93,11 @@ def _robots(record: VerifiedRecord) -> Iterator[Finding | str]:
 
 def _models(record: VerifiedRecord) -> Iterator[Finding | str]:
     for row in _rows(record, Model):
-        identity = ModelIdentity(
-            name=row.name,
-            weights_sha256=row.weights_sha256,
-            settings=row.settings,
-            surveyed=row.surveyed,
-            files=row.files,
-            code=row.code,
-        )
-        if identity.sha256 != row.sha256:
+        if ModelIdentity.of_row(row).sha256 != row.sha256:
             yield cell("model", row.id, "sha256", "name, weights, settings, files and code have another hash")
 
 
 def _goals(record: VerifiedRecord) -> Iterator[Finding | str]:
-    from hashlib import sha256
-
     for row in _rows(record, Goal):
         goal = SiteGoal.model_validate(row.content)
         if goal.sha256 != row.sha256:

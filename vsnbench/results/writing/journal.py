@@ -21,7 +21,14 @@ from vsnbench.results.studies import writing
 from vsnbench.results.studies.entries import RecordedStudy, StudyChange, StudyLock, StudyTrialProgress
 from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.studies.queries import read_study, session_of_another, study_progress
-from vsnbench.results.writing.campaigns import CampaignPlan, CampaignWriter, ModelIdentity, OpenCampaign
+from vsnbench.results.writing.campaigns import (
+    CampaignPlan,
+    CampaignProgress,
+    ModelIdentity,
+    OpenCampaign,
+    campaign_progress,
+    find_or_create,
+)
 from vsnbench.results.writing.entries import RecoveredEpisode
 from vsnbench.results.writing.episodes import EpisodeWriter
 from vsnbench.results.writing.imports import ImportedEpisode, KeepFiles, import_episodes, withdraw
@@ -32,7 +39,7 @@ from vsnbench.results.writing.remote_episodes import BundledRows, store_bundle
 from vsnbench.results.writing.sessions import end_orphaned_session, end_sessions, join_session
 
 
-class Journal(CampaignWriter, EpisodeWriter):
+class Journal(EpisodeWriter):
     """An open record; a context manager that is safe for threads and processes.
 
     Every method commits before it returns, and raises RecordError if the database cannot be used.
@@ -89,6 +96,16 @@ class Journal(CampaignWriter, EpisodeWriter):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
+        """Return the campaign of a plan; new trials are added to it."""
+        with transaction(self.engine) as connection:
+            return find_or_create(connection, plan, self._process_id)
+
+    def campaign_progress(self, campaign: OpenCampaign) -> CampaignProgress:
+        """Return the states of the requested trials."""
+        with transaction(reading(self.engine)) as connection:
+            return campaign_progress(connection, campaign, self._process_id)
 
     def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
         """Return the differences of a new campaign's model from the last one of that name, or an empty string."""
