@@ -19,7 +19,8 @@ from vsnbench.interop.merge_files import FilePlan, Progress, SourceRecord, plan_
 from vsnbench.results.database_url import parse_url, redacted_url, sqlite_path, sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME, LOW_SPACE_BYTES, ResultsDirectory
 from vsnbench.results.files.staged_import import StagedImport, files_below, remove_stale_imports
-from vsnbench.results.merging.plan import MergePlan, NewEpisode, OtherRecord, plan_merge
+from vsnbench.results.merging.episodes import OtherRecord
+from vsnbench.results.merging.plan import MergePlan, OtherEpisode, plan_merge
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.queries import images_directories
 from vsnbench.results.schema.engine import opened_engine, reading, transaction
@@ -127,9 +128,7 @@ def merge(
                 upgrade(engine)
         with _reading(target) as mine:
             plan = plan_merge(mine, records)
-        sources = [
-            SourceRecord(other.name, other.root_of, record) for other, record in zip(others, records, strict=True)
-        ]
+        sources = [SourceRecord(record, other.root_of) for other, record in zip(others, records, strict=True)]
         files = plan_files(plan, sources, target.path, without_images=without_images, progress=progress)
         without_files = sum(
             1 for episode in plan.new_episodes if episode.images_directory and episode.uuid not in files.arriving
@@ -203,7 +202,7 @@ def _write(target: ResultsDirectory, records: Sequence[OtherRecord], merged: Mer
                     progress("copying images", done, files.size_bytes)
             written = 0
 
-            def place(new_episode: NewEpisode, directory: str) -> None:
+            def place(new_episode: OtherEpisode, directory: str) -> None:
                 nonlocal written
                 coming.place(new_episode.uuid, directory)
                 written += 1

@@ -7,17 +7,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Column, Connection, Table, insert, select, update
+from sqlalchemy import Column, Connection, Table, insert, select
 
 from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Step, Trial, Verdict
 from vsnbench.results.writing.campaigns import PlannedTrial
-from vsnbench.results.writing.episodes import images_directory
+from vsnbench.results.writing.episodes import attach_images
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests
+
+
+@dataclass(frozen=True, slots=True)
+class OtherRecord:
+    """A record of a merge, open for reading as a snapshot."""
+
+    name: str
+    """Display name."""
+    connection: Connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +110,6 @@ def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
     columns = (Step.number, Step.rgb_digest, Step.depth_digest, Step.rgb_file_digest, Step.depth_file_digest)
     query = select(*columns).where(Step.episode_id == episode_id).order_by(Step.number)
     return [StepDigests(*row) for row in connection.execute(query)]
-
-
-def attach_images(connection: Connection, episode_id: int) -> str:
-    """Record that an episode has images, and return their directory relative to the results directory."""
-    directory = images_directory(episode_id)
-    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
-    return directory
 
 
 def insert_episode_rows(

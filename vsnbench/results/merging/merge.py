@@ -11,6 +11,7 @@ from sqlalchemy import Connection, insert, select, update
 
 from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import (
+    OtherRecord,
     add_events,
     add_verdicts,
     columns_of,
@@ -19,18 +20,8 @@ from vsnbench.results.merging.episodes import (
     missing_events,
     read_episode_rows,
 )
-from vsnbench.results.merging.goals import agreeing_definitions, take_definitions
-from vsnbench.results.merging.plan import (
-    IDENTITIES,
-    EpisodeUpdate,
-    MergePlan,
-    NewEpisode,
-    OtherRecord,
-    agreeing_campaigns,
-    campaign_numbers,
-    new_events,
-    new_trials,
-)
+from vsnbench.results.merging.goals import take_definitions
+from vsnbench.results.merging.plan import IDENTITIES, MergePlan, OtherEpisode, campaign_numbers
 from vsnbench.results.merging.studies import write_studies
 from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_row, text
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial
@@ -40,7 +31,7 @@ from vsnbench.results.writing.episodes import images_directory
 MERGED = "merged"
 """Kind of events that record the source of merged episodes."""
 
-PlaceFiles = Callable[[NewEpisode, str], None]
+PlaceFiles = Callable[[OtherEpisode, str], None]
 """Places a new episode's files in a directory, relative to the results directory, before the commit."""
 
 
@@ -64,8 +55,8 @@ def apply_merge(
 
     Args:
         mine: a transaction that may write.
-        others: the other records, unchanged since the plan was made.
-        plan: the merge plan.
+        others: the other records.
+        plan: plan that was made of these records in the same transaction.
         with_files: UUIDs of the new episodes whose files are added.
         place_files: called for each of them.
 
@@ -73,15 +64,13 @@ def apply_merge(
         RecordError: the records contradict each other, or this one has changed since the plan was made.
     """
     processes = _Processes(mine)
-    campaigns = agreeing_campaigns(mine, others)
-    for row, other in sorted(campaigns.values(), key=lambda found: (found[0]["created_at"], found[0]["key"])):
+    for row, other in sorted(plan.new_campaigns.values(), key=lambda found: (found[0]["created_at"], found[0]["key"])):
         _take_campaign(mine, other.connection, row, processes)
     numbers = campaign_numbers(mine)
-    definitions = agreeing_definitions([("this record", mine), *((other.name, other.connection) for other in others)])
-    for key, trials in new_trials(mine, others, campaigns).items():
-        goals = take_definitions(mine, key, [trial.goal for trial in trials], definitions)
+    for key, trials in plan.new_trials.items():
+        goals = take_definitions(mine, key, [trial.goal for trial in trials], plan.definitions)
         extend_plan(mine, numbers[key], trials, goals)
-    for key, events in new_events(mine, others).items():
+    for key, events in plan.new_events.items():
         mine.execute(insert(Event), [{**event, "campaign_id": numbers[key]} for event in events])
     known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(Trial))}
     write_studies(mine, plan.studies.united, numbers, known, processes.number)
@@ -94,18 +83,18 @@ def apply_merge(
             raise RecordError(f"episode {new_episode.uuid} was added by another process; nothing was written")
         if has_files:
             place_files(new_episode, images_directory(number))
-    for update_ in plan.updates:
-        _add(mine, others[update_.other], update_)
+    for known_episode in plan.updates:
+        _add(mine, others[known_episode.other], known_episode)
     _record_sources(mine, others, plan, numbers)
 
 
-def _add(mine: Connection, other: OtherRecord, update_: EpisodeUpdate) -> None:
+def _add(mine: Connection, other: OtherRecord, episode: OtherEpisode) -> None:
     """Append the verdicts and events of an episode that this record lacks."""
-    number = mine.execute(select(Episode.id).where(Episode.uuid == update_.uuid)).scalar_one()
+    number = mine.execute(select(Episode.id).where(Episode.uuid == episode.uuid)).scalar_one()
     ours = read_episode_rows(mine, number, steps=False)
-    theirs = read_episode_rows(other.connection, update_.number, steps=False)
+    theirs = read_episode_rows(other.connection, episode.number, steps=False)
     if wrong := difference(ours, theirs):
-        raise RecordError(f"episode {update_.number} of {other.name} ({update_.uuid}): {wrong}; nothing was written")
+        raise RecordError(f"episode {episode.number} of {other.name} ({episode.uuid}): {wrong}; nothing was written")
     add_events(mine, number, missing_events(ours.events, theirs.events))
     if len(theirs.verdicts) > len(ours.verdicts):
         add_verdicts(mine, number, theirs.verdicts[len(ours.verdicts) :])
@@ -113,15 +102,13 @@ def _add(mine: Connection, other: OtherRecord, update_: EpisodeUpdate) -> None:
 
 
 def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_Processes") -> None:
-    if mine.execute(select(Campaign.id).where(Campaign.key == row["key"])).first() is not None:
-        return
     given = {name: value for name, value in row.items() if name != "id"}
     for table, column, _ in IDENTITIES:
         found = other.execute(select(*columns_of(table, "id")).where(table.__table__.c.id == row[column])).mappings()
         given[column] = find_or_insert(mine, table, dict(found.one()), "sha256")
     process = other.execute(select(*columns_of(Process, "id")).where(Process.id == row["process_id"])).mappings()
     given["process_id"] = processes.number(dict(process.one()))
-    find_or_insert(mine, Campaign, given, "key")
+    insert_row(mine, Campaign, given)
 
 
 class _Processes:

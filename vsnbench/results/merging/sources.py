@@ -10,7 +10,7 @@ from pathlib import Path
 
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path, sqlite_url
-from vsnbench.results.merging.plan import OtherRecord
+from vsnbench.results.merging.episodes import OtherRecord
 from vsnbench.results.reading.integrity import record_fault
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import opened_engine, record_errors

@@ -177,6 +177,13 @@ def images_directory(episode_id: int) -> str:
     return f"episodes/{episode_id:06d}"
 
 
+def attach_images(connection: Connection, episode_id: int) -> str:
+    """Record that an episode has images, and return their directory relative to the results directory."""
+    directory = images_directory(episode_id)
+    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
+    return directory
+
+
 def claim_first(connection: Connection, process_id: int, campaign_id: int, trial_ids: Sequence[int]) -> Claim | None:
     """Claim the first open trial of these that no other process is claiming at the moment."""
     # The query for open trials is skipped for a single trial, because a campaign may have thousands.

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, insert, select
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
@@ -14,7 +14,7 @@ from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.results.writing import campaigns
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.entries import EpisodeEnd
-from vsnbench.results.writing.episodes import end_episode, images_directory
+from vsnbench.results.writing.episodes import attach_images, end_episode
 from vsnbench.results.writing.judging import judge
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.steps import step_row
@@ -76,9 +76,7 @@ def import_episodes(
             },
         )
         if given.has_images and keep_files:
-            directory = images_directory(episode_id)
-            connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
-            keep_files(place, directory)
+            keep_files(place, attach_images(connection, episode_id))
         if given.steps:
             connection.execute(insert(Step), [step_row(episode_id, step) for step in given.steps])
         end_episode(connection, process_id, episode_id, given.end)

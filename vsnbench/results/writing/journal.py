@@ -9,9 +9,9 @@ from sqlalchemy import Engine, insert
 
 from vsnbench.errors import RecordError
 from vsnbench.results.annotations import Annotation, annotate
-from vsnbench.results.merging.episodes import attach_images
+from vsnbench.results.merging.episodes import OtherRecord
 from vsnbench.results.merging.merge import PlaceFiles, apply_merge, lock_merges
-from vsnbench.results.merging.plan import MergePlan, OtherRecord, plan_merge
+from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.schema.engine import LockWait, open_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, upgrade
 from vsnbench.results.schema.row_encoding import insert_row, process_row, text
@@ -30,7 +30,7 @@ from vsnbench.results.writing.campaigns import (
     find_or_create,
 )
 from vsnbench.results.writing.entries import RecoveredEpisode
-from vsnbench.results.writing.episodes import EpisodeWriter
+from vsnbench.results.writing.episodes import EpisodeWriter, attach_images
 from vsnbench.results.writing.imports import ImportedEpisode, KeepFiles, import_episodes, withdraw
 from vsnbench.results.writing.model_history import differences, last_of_its_name
 from vsnbench.results.writing.provenance import Provenance, gather_provenance, this_process
