@@ -24,13 +24,18 @@ class RecordedGoal:
 
     @property
     def text(self) -> str:
-        """The words of a text goal or an instruction; else empty."""
-        return str(self.content.get("text") or self.content.get("category") or "")
+        """The words of a text goal, an instruction or a category; else empty."""
+        return goal_text(self.content)
 
     @property
     def target_text(self) -> str:
         """What counts as reached, in short."""
         return ", ".join(_target_text(target) for target in self.content.get("targets", ()))
+
+
+def goal_text(content: Mapping[str, Any]) -> str:
+    """Return the words of a recorded definition; empty for other kinds."""
+    return str(content.get("text") or content.get("category") or "")
 
 
 def _target_text(target: Mapping[str, Any]) -> str:

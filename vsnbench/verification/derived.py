@@ -12,7 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from vsnbench.bundle.derived_files import STUDY_FILE, write_derived_files
+from vsnbench.bundle.derived_files import write_derived_files
 from vsnbench.files.bounded_json import parse_json
 from vsnbench.study.lock import LockNote
 from vsnbench.verification.checks import Check, Finding, Progress, finding
@@ -127,8 +127,3 @@ def _lines(name: str, stored: Path, made: Path) -> Iterator[Finding]:
         if line != now:
             yield finding(f"{name} line {number}", f"{str(line)[:100]!r}, and the record gives {str(now)[:100]!r}")
             return
-
-
-def study_note_path(bundle: Path) -> Path:
-    """Return the path of the study file in a bundle, next to which its lock note is."""
-    return bundle / STUDY_FILE

@@ -261,10 +261,8 @@ def _episodes(connection: Connection, place: int) -> Iterable[tuple[OtherEpisode
     )
     for uuid, number, started_at, directory, state, key, goal, start, repetition in rows.all():
         trial = PlannedTrial(goal, start, repetition)
-        yield (
-            OtherEpisode(uuid, place, number, started_at, directory, key, trial, state in results),
-            state not in active,
-        )
+        episode = OtherEpisode(uuid, place, number, started_at, directory, key, trial, state in results)
+        yield episode, state not in active
 
 
 def _second_results(mine: Connection, new_episodes: Iterable[OtherEpisode]) -> int:

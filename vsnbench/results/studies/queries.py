@@ -147,10 +147,7 @@ def session_of_another(connection: Connection, study_id: int, process_id: int) -
     over = select(StudyEntry.process_id).where(StudyEntry.study_id == study_id, StudyEntry.kind == SESSION_END)
     rows = connection.execute(
         select(Process)
-        .with_only_columns(
-            *(Process.host, Process.pid, Process.boot_id, Process.pid_namespace, Process.start_ticks),
-            *(Process.operator, StudyEntry.created_at),
-        )
+        .with_only_columns(*columns_of_fields(Process, ProcessIdentity), Process.operator, StudyEntry.created_at)
         .join(StudyEntry, StudyEntry.process_id == Process.id)
         .where(
             StudyEntry.study_id == study_id,
