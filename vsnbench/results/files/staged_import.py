@@ -11,7 +11,6 @@ import socket
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import RecordError
@@ -49,9 +48,7 @@ class StagedImport:
             self._stage.mkdir(parents=True)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         shutil.rmtree(self._stage, ignore_errors=True)
         with contextlib.suppress(RecordError):  # the next run cleans up if the record is not available
             _resolve(self._results, self._placed, self._kept)

@@ -1,9 +1,9 @@
 """Imports episodes of other tools, all of a file or none, and withdraws imports."""
 
-import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from uuid import uuid4
 
 from sqlalchemy import Connection, insert, select
 
@@ -23,7 +23,8 @@ from vsnbench.values.step import StepRecord
 IMPORTED = "imported"
 """Origin of imported episodes, and kind of their robots."""
 
-KeepFiles = Callable[[int, str], None]
+PlaceFiles = Callable[[str, str], None]
+"""Places the images of an episode by its UUID in a directory, relative to the results directory, before the commit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,7 @@ class ImportedEpisode:
     author: str = ""
     """Author of the judgement."""
     has_images: bool = False
+    uuid: str = field(default_factory=lambda: str(uuid4()))
 
 
 def import_episodes(
@@ -46,7 +48,7 @@ def import_episodes(
     process_id: int,
     plan: CampaignPlan,
     episodes: Sequence[ImportedEpisode],
-    keep_files: KeepFiles | None = None,
+    place_files: PlaceFiles | None,
 ) -> tuple[int, tuple[int, ...]]:
     """Write the episodes within a transaction; see `Journal.import_campaign`."""
     campaign = campaigns.find_or_create(connection, plan, process_id)
@@ -57,12 +59,12 @@ def import_episodes(
             advice=f"`vsnbench db remove-import {campaign.id}` voids them",
         )
     numbers = []
-    for place, (trial, given) in enumerate(zip(campaign.trials, episodes, strict=True)):
+    for trial, given in zip(campaign.trials, episodes, strict=True):
         episode_id = insert_row(
             connection,
             Episode,
             {
-                "uuid": str(uuid.uuid4()),
+                "uuid": given.uuid,
                 "trial_id": trial.id,
                 "process_id": process_id,
                 "origin": IMPORTED,
@@ -75,8 +77,8 @@ def import_episodes(
                 "images_directory": "",
             },
         )
-        if given.has_images and keep_files:
-            keep_files(place, attach_images(connection, episode_id))
+        if given.has_images and place_files:
+            place_files(given.uuid, attach_images(connection, episode_id))
         if given.steps:
             connection.execute(insert(Step), [step_row(episode_id, step) for step in given.steps])
         end_episode(connection, process_id, episode_id, given.end)

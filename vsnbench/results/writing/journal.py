@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
-from types import TracebackType
 from typing import Self
 
 from sqlalchemy import Engine, insert
@@ -21,6 +20,7 @@ from vsnbench.results.studies import writing
 from vsnbench.results.studies.entries import RecordedStudy, StudyChange, StudyLock, StudyTrialProgress
 from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.studies.queries import read_study, session_of_another, study_progress
+from vsnbench.results.writing import imports
 from vsnbench.results.writing.campaigns import (
     CampaignPlan,
     CampaignProgress,
@@ -31,7 +31,7 @@ from vsnbench.results.writing.campaigns import (
 )
 from vsnbench.results.writing.entries import RecoveredEpisode
 from vsnbench.results.writing.episodes import EpisodeWriter, attach_images
-from vsnbench.results.writing.imports import ImportedEpisode, KeepFiles, import_episodes, withdraw
+from vsnbench.results.writing.imports import ImportedEpisode
 from vsnbench.results.writing.model_history import differences, last_of_its_name
 from vsnbench.results.writing.provenance import Provenance, gather_provenance, this_process
 from vsnbench.results.writing.recovery import interrupted, orphaned_episodes, orphaned_sessions, recover_one
@@ -92,9 +92,7 @@ class Journal(EpisodeWriter):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
@@ -130,15 +128,14 @@ class Journal(EpisodeWriter):
             store_bundle(connection, self._process_id, episode_id, sealed)
 
     def import_campaign(
-        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], keep_files: KeepFiles | None = None
+        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], place_files: imports.PlaceFiles | None = None
     ) -> tuple[int, tuple[int, ...]]:
         """Write another tool's episodes, one per trial of the plan: all or nothing.
 
         Args:
             plan: plan of the campaign.
             episodes: the episodes in the order of the plan's trials.
-            keep_files: called for each episode with its index and its directory, relative to the results directory; it
-                places the images before the commit.
+            place_files: called for each episode with images.
 
         Returns:
             The numbers of the campaign and the episodes.
@@ -147,7 +144,7 @@ class Journal(EpisodeWriter):
             UsageError: a trial of the plan already has an episode that is not void.
         """
         with transaction(self.engine) as connection:
-            return import_episodes(connection, self._process_id, plan, episodes, keep_files)
+            return imports.import_episodes(connection, self._process_id, plan, episodes, place_files)
 
     def withdraw_import(self, campaign_id: int, *, author: str, note: str = "") -> int:
         """Void all episodes of an imported campaign and return their number; they can be imported again.
@@ -156,7 +153,7 @@ class Journal(EpisodeWriter):
             UsageError: the campaign does not exist, or was not imported.
         """
         with transaction(self.engine) as connection:
-            return withdraw(connection, campaign_id, author=author, note=note)
+            return imports.withdraw(connection, campaign_id, author=author, note=note)
 
     def merge(
         self, others: Sequence[OtherRecord], expected: Collection[str], with_files: Collection[str], place: PlaceFiles
