@@ -64,10 +64,7 @@ def write_atomic(path: Path, content: bytes, error: type[VsnbenchError] = Record
     try:
         try:
             descriptor = os.open(part, _NEW, 0o666)
-        except (
-            FileNotFoundError,
-            FileExistsError,
-        ):  # no directory, or a leftover file of a dead process
+        except (FileNotFoundError, FileExistsError):  # no directory, or a leftover file of a dead process
             path.parent.mkdir(parents=True, exist_ok=True)
             Path(part).unlink(missing_ok=True)
             descriptor = os.open(part, _NEW, 0o666)
