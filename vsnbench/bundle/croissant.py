@@ -34,12 +34,7 @@ _TYPES: Mapping[str, frozenset[str]] = {
 
 
 def croissant(about: BundleAbout, tables: Mapping[str, StoredFile]) -> str:
-    """Return the Croissant description.
-
-    Args:
-        about: title, licence, authors and citation.
-        tables: name of each table with its file.
-    """
+    """Return the Croissant description of tables, by name."""
     content: dict[str, Any] = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",

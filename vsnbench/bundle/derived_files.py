@@ -43,12 +43,7 @@ _AT_ONCE = 500
 
 
 def write_derived_files(results: Path, into: Path, note: LockNote | None = None) -> None:
-    """Write the files that follow from the record of a bundle.
-
-    Args:
-        results: results directory with the record of a bundle.
-        into: directory for the files.
-        note: lock note of the study, if there is one.
+    """Write the files that follow from the record in the results directory of a bundle.
 
     Raises:
         RecordError: the record cannot be read, or a file cannot be written.

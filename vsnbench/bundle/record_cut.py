@@ -45,11 +45,7 @@ _PAGE_BYTES = 4096
 def cut_record(source: Connection, selection: BundleSelection, target: Path, *, with_images: bool) -> None:
     """Write the selected part of a record to a new file.
 
-    Args:
-        source: a transaction that reads the record.
-        selection: campaigns, and their study.
-        target: path of the file; its directory has room for a second copy during the work.
-        with_images: keep the names of the directories with images.
+    Its directory must have room for a second copy during the work.
 
     Raises:
         RecordError: the file cannot be written.

@@ -84,12 +84,7 @@ class StoredZipReader:
     """Reads the files of an archive in order; nothing of it is trusted."""
 
     def __init__(self, file: BinaryIO, size_bytes: int) -> None:
-        """Begin to read.
-
-        Args:
-            file: the archive, at its beginning.
-            size_bytes: size of the archive.
-        """
+        """Begin to read an archive at its beginning."""
         self._file = file
         self._size_bytes = size_bytes
         self._directory = _Directory()

@@ -17,10 +17,7 @@ class ScratchDirectory:
     """
 
     def __init__(self, purpose: str) -> None:
-        """Create a directory.
-
-        Args:
-            purpose: part of its name.
+        """Create a directory with the purpose in its name.
 
         Raises:
             OSError: the disk is full or not writable.

@@ -27,12 +27,7 @@ _TOLERANCE = 1e-9
 def check_derived_files(bundle: Path, results: Path, scratch: Path, note: LockNote | None, progress: Progress) -> Check:
     """Write the report, tables and conditions of a bundle again, and compare them with those in it.
 
-    Args:
-        bundle: directory of the bundle.
-        results: directory with a copy of its database.
-        scratch: directory for the files.
-        note: lock note of the study in the bundle, if there is one.
-        progress: receives the progress.
+    `results` has a copy of its database; the files are written to `scratch`.
     """
     check = Check("report", "tables")
     with check.failing("report"):

@@ -47,13 +47,7 @@ _WITHOUT_WEIGHTS = frozenset({"random", "forward", "oracle", "oracle-waypoints"}
 
 
 def check_replay(record: VerifiedRecord, limit: int | None, progress: Progress) -> Check:
-    """Drive simulated episodes again.
-
-    Args:
-        record: the record.
-        limit: number of episodes, spread evenly over the record; None for all.
-        progress: receives the progress.
-    """
+    """Drive simulated episodes again: all, or a number of them, spread evenly over the record."""
     check = Check("replay", "episodes")
     with check.failing("the record"):
         _replay_all(record, check, limit, progress)

@@ -20,13 +20,7 @@ from vsnbench.verification.record import VerifiedRecord
 
 
 def check_studies(record: VerifiedRecord, note: LockNote | None, progress: Progress) -> Check:
-    """Compare each study with its lock, its log and its random draw, and make its decisions again.
-
-    Args:
-        record: the record.
-        note: lock note of its study, if there is one.
-        progress: receives the progress.
-    """
+    """Compare each study with its lock, its log and its random draw, and make its decisions again."""
     check = Check("studies", "studies")
     with check.failing("the studies"):
         known = studies(record.engine)

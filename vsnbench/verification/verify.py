@@ -37,12 +37,7 @@ class VerifyOptions:
 
 
 def verify(path: Path, progress: Progress, options: VerifyOptions | None = None) -> Verification:
-    """Verify a bundle or a results directory.
-
-    Args:
-        path: the bundle, as a file or unpacked, or the results directory.
-        progress: called with the kind of work, the amount done and the total.
-        options: further checks.
+    """Verify a bundle, as a file or unpacked, or a results directory.
 
     Raises:
         RecordError: it is neither, or cannot be opened at all.

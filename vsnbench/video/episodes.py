@@ -36,12 +36,6 @@ def write_video(
 
     All of them begin together, with one action per frame.
 
-    Args:
-        replays: the episodes.
-        path: the MP4 file.
-        wanted: size and speed.
-        progress: called with the frames written and all frames.
-
     Returns:
         The number of frames.
 

@@ -34,13 +34,7 @@ def write_metadata(
 ) -> None:
     """Write the files.
 
-    Args:
-        root: directory of the dataset.
-        features: features by name.
-        tasks: texts by index.
-        episodes: the episodes.
-        written: for each episode where its frames are, and its statistics.
-        statistics: statistics of all frames.
+    `written` has for each episode where its frames are, and its statistics; `statistics` are those of all frames.
     """
     (root / "meta").mkdir()
     info = {

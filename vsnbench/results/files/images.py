@@ -79,11 +79,7 @@ class EpisodeImages:
             ) from error
 
     def write(self, number: int, observation: Observation) -> WrittenImages:
-        """Write the images of a step; they are in place on return.
-
-        Args:
-            number: number of the step, from 1.
-            observation: its rgb and depth are written.
+        """Write the images of a step, numbered from 1; they are in place on return.
 
         Raises:
             RecordError: they cannot be written.

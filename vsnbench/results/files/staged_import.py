@@ -66,13 +66,7 @@ class StagedImport:
         return directory
 
     def copy(self, uuid: str, root: Path, named: str, files: Iterable[Path]) -> None:
-        """Copy an episode's files from another results directory.
-
-        Args:
-            uuid: UUID of the episode.
-            root: the other results directory.
-            named: the episode's directory according to the other record.
-            files: files relative to that directory, from `files_below`.
+        """Copy an episode's files, from `files_below`, from its directory `named` in another results directory.
 
         Raises:
             RecordError: a path leads out of `root`, or a file cannot be read or written.

@@ -115,14 +115,9 @@ def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
 def insert_episode_rows(
     connection: Connection, whole: EpisodeRows, trial_id: int, process_id: int, *, has_files: bool
 ) -> int | None:
-    """Insert an episode within a transaction and return its new number; None if its UUID exists.
+    """Insert an ended episode within a transaction and return its new number; None if its UUID exists.
 
-    Args:
-        connection: a transaction that may write.
-        whole: the ended episode.
-        trial_id: number of its trial in this record.
-        process_id: number of its process in this record.
-        has_files: the episode has images, to be placed in `images_directory` of its number.
+    The numbers of its trial and process are those in this record. With files, the row names their directory.
     """
     if connection.execute(select(Episode.id).where(Episode.uuid == whole.uuid)).first() is not None:
         return None

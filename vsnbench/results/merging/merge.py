@@ -51,14 +51,9 @@ def apply_merge(
     with_files: Collection[str],
     place_files: PlaceFiles,
 ) -> None:
-    """Apply a merge plan within one transaction.
+    """Apply a merge plan within the transaction in which it was made.
 
-    Args:
-        mine: a transaction that may write.
-        others: the other records.
-        plan: plan that was made of these records in the same transaction.
-        with_files: UUIDs of the new episodes whose files are added.
-        place_files: called for each of them.
+    `with_files` are the UUIDs of the new episodes whose files are added; `place_files` is called for each of them.
 
     Raises:
         RecordError: the records contradict each other, or this one has changed since the plan was made.

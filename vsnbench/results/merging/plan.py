@@ -92,12 +92,9 @@ class MergePlan:
 
 
 def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: bool = True) -> MergePlan:
-    """Compare the records and return the effects of a merge.
+    """Compare the records and return the effects of a merge into `mine`.
 
-    Args:
-        mine: this record.
-        others: records to merge into it.
-        thorough: also compare the steps of episodes in several records.
+    If `thorough`, the steps of episodes in several records are compared as well.
 
     Raises:
         RecordError: they contradict each other.

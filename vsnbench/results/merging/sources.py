@@ -56,11 +56,6 @@ def _check_server(url: str, name: str) -> None:
 def copy_record(url: str, name: str, file: Path) -> None:
     """Copy an untrusted SQLite record to a new file, and upgrade the copy.
 
-    Args:
-        url: the record.
-        name: its display name.
-        file: the new file.
-
     Raises:
         RecordError: no record exists, it is damaged, it has views or triggers, or its schema is newer.
     """

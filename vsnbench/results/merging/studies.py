@@ -252,12 +252,7 @@ def write_studies(
 ) -> None:
     """Write united studies within a transaction that already contains their campaigns and trials.
 
-    Args:
-        mine: the transaction.
-        studies: united studies from a plan of the same records.
-        campaigns: numbers in this record, by key.
-        trials: numbers in this record, by campaign, goal, starting position and repetition.
-        process: returns the number of a process in this record.
+    `campaigns` and `trials` are numbers in this record; `process` returns the number of a process.
     """
     here = {study.identity: study for study in _read_studies(OtherRecord("this record", mine))}
     for study in studies:

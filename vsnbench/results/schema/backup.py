@@ -15,11 +15,9 @@ from vsnbench.results.schema.guard import refuse_foreign_schema
 
 
 def backup(url: str, target: Path) -> None:
-    """Copy the database to `target` atomically while others may be writing.
+    """Copy the database to a new file atomically while others may be writing.
 
-    Args:
-        url: the database; SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
-        target: must not exist.
+    SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
 
     Raises:
         RecordError: the copy cannot be made.

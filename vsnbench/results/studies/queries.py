@@ -67,10 +67,7 @@ def study_progress(
 ) -> tuple[StudyTrialProgress, ...]:
     """Return the progress of all scheduled trials in the order of the schedule.
 
-    Args:
-        connection: a transaction that reads.
-        study_id: number of the study.
-        process_id: process whose trials are `here`; None for no process.
+    Trials of the process are `here`.
     """
     first = (
         select(func.min(Episode.id))

@@ -104,14 +104,7 @@ def add_entry(
 ) -> None:
     """Append an entry to the history of a study, with its author and the number of results.
 
-    Args:
-        connection: a transaction that may write.
-        study_id: number of the study.
-        process_id: process of the author.
-        kind: one of the kinds of `study_entries`.
-        reason: reason given by the author.
-        words: changes.
-        logged: further content for the study's log.
+    `logged` is further content for the study's log.
     """
     author = connection.execute(select(Process.operator).where(Process.id == process_id)).scalar_one()
     entry = {

@@ -63,10 +63,6 @@ class Journal(EpisodeWriter):
     def open(cls, url: str, provenance: Provenance | None = None) -> Self:
         """Open a database for writing: create or migrate it if needed, and recover episodes of dead processes.
 
-        Args:
-            url: SQLAlchemy URL (`vsnbench.results.schema.engine.sqlite_url` makes one of a path).
-            provenance: description of the writing process; default: this process.
-
         Raises:
             RecordError: the database cannot be used, or is from a newer vsnbench.
         """
@@ -130,12 +126,7 @@ class Journal(EpisodeWriter):
     def import_campaign(
         self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], place_files: imports.PlaceFiles | None = None
     ) -> tuple[int, tuple[int, ...]]:
-        """Write another tool's episodes, one per trial of the plan: all or nothing.
-
-        Args:
-            plan: plan of the campaign.
-            episodes: the episodes in the order of the plan's trials.
-            place_files: called for each episode with images.
+        """Write another tool's episodes, one per trial of the plan and in its order: all or nothing.
 
         Returns:
             The numbers of the campaign and the episodes.
@@ -182,9 +173,7 @@ class Journal(EpisodeWriter):
     def attach_images(self, numbers: Mapping[str, int], place: Callable[[str, str], None]) -> None:
         """Record that episodes without images have them now: all or none.
 
-        Args:
-            numbers: episode numbers by UUID.
-            place: called with each UUID and its directory; it moves the files there before the commit.
+        `place` is called with each UUID and its directory, and moves the files there before the commit.
         """
         with transaction(self.engine) as connection:
             for uuid, number in numbers.items():
