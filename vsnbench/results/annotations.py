@@ -65,10 +65,9 @@ def read_annotation(note: str, tags: Sequence[str] = (), removed_tags: Sequence[
 
 
 def annotate(connection: Connection, episode_ids: Collection[int], annotation: Annotation, author: str) -> None:
-    """Append notes and changed tags within a transaction; a tag that is already there, or gone, is not repeated.
+    """Append notes and changed tags within a transaction; see `Journal.annotate`.
 
-    Raises:
-        UsageError: an episode does not exist; nothing was written.
+    A tag that the episode already has, or no longer has, is not repeated.
     """
     known = set(connection.scalars(select(Episode.id).where(Episode.id.in_(list(episode_ids)))))
     if missing := [number for number in episode_ids if number not in known]:

@@ -82,11 +82,7 @@ def first_judges(connection: Connection, episodes: Collection[int]) -> dict[int,
 
 
 def add_second_judgement(connection: Connection, episode: int, rater: str, outcome: Outcome, words: str) -> None:
-    """Append a rater's answer within a transaction.
-
-    Raises:
-        UsageError: the episode is unknown or awaits its first judgement, or the rater has judged or attended it.
-    """
+    """Append a rater's answer within a transaction; see `Journal.judge_second`."""
     state = connection.scalar(select(Episode.state).where(Episode.id == episode))
     if state is None:
         raise UsageError(
@@ -108,11 +104,7 @@ def add_second_judgement(connection: Connection, episode: int, rater: str, outco
 
 
 def retract_second_judgement(connection: Connection, episode: int, rater: str) -> None:
-    """Retract a rater's answer within a transaction; the answer stays in the events.
-
-    Raises:
-        UsageError: there is no answer of this rater.
-    """
+    """Retract a rater's answer within a transaction; the answer stays in the events. See `Journal.retract_second`."""
     if not any(is_same_person(rater, given.rater) for given in second_judgements(connection, [episode])):
         raise UsageError(
             f"episode {episode} has no second judgement by {rater}",

@@ -259,25 +259,16 @@ def write_studies(
         there = here.get(study.identity)
         if there is None:
             number = insert_row(mine, Study, {**study.study, "process_id": process(study.process)})
-            mine.execute(
-                insert(StudyArm),
-                [
-                    {"study_id": number, "campaign_id": campaigns[key], "name": name, "code": code}
-                    for name, code, key in study.arms
-                ],
-            )
-            mine.execute(
-                insert(StudyTrial),
-                [
-                    {
-                        "study_id": number,
-                        "trial_id": trials[campaigns[key], goal, start, repetition],
-                        "rank": rank,
-                        "block": block,
-                    }
-                    for rank, block, key, goal, start, repetition in study.schedule
-                ],
-            )
+            arms = [
+                {"study_id": number, "campaign_id": campaigns[key], "name": name, "code": code}
+                for name, code, key in study.arms
+            ]
+            mine.execute(insert(StudyArm), arms)
+            schedule = [
+                {"study_id": number, "trial_id": trials[campaigns[key], goal, start, nth], "rank": rank, "block": block}
+                for rank, block, key, goal, start, nth in study.schedule
+            ]
+            mine.execute(insert(StudyTrial), schedule)
         else:
             number = mine.execute(select(Study.id).where(Study.uuid == there.study["uuid"])).scalar_one()
             mine.execute(update(Study).where(Study.id == number).values(study.study))

@@ -38,8 +38,7 @@ from vsnbench.files.bounded_json import parse_json
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import redacted_url, sqlite_path
-from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.column_types import UtcDateTime
+from vsnbench.results.schema.base import Base, UtcDateTime
 from vsnbench.results.schema.engine import opened_engine, opened_urls
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.sites.goals import SiteGoal
