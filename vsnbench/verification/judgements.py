@@ -41,30 +41,31 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
     check = Check("verdicts", "episodes")
     people: Counter[str] = Counter()
     with check.failing("the record"):
-        _judge_all(record, check, people, progress)
+        episodes = record.episodes()
+        for done, episode in enumerate(episodes, start=1):
+            with check.failing(f"episode {episode.id}"):
+                verdicts = record.verdicts(episode.id)
+                people.update(verdict.author for verdict in verdicts if verdict.source == "person")
+                _check_episode(record, episode, verdicts, check)
+            progress("judging episodes", done, len(episodes))
+        seconds = Counter(second.rater for second in second_judgements(record.connection))
+        check.notes += [
+            f"judged a second time, by a person: {counted(n, 'episode')} by {rater}"
+            for rater, n in sorted(seconds.items())
+        ]
     return check, dict(people)
 
 
-def _judge_all(record: VerifiedRecord, check: Check, people: Counter[str], progress: Progress) -> None:
-    episodes = record.episodes()
-    for done, episode in enumerate(episodes, start=1):
-        with check.failing(f"episode {episode.id}"):
-            verdicts = record.verdicts(episode.id)
-            people.update(verdict.author for verdict in verdicts if verdict.source == "person")
-            if episode.state not in ENDED:
-                check.skip("not ended")
-            elif episode.origin == IMPORTED:
-                check.skip("imported from another tool: no poses to judge")
-            else:
-                found = _EpisodeCheck(record, episode, verdicts)
-                check.add(list(found.findings()))
-                if found.other_wording:
-                    check.not_checked["wording of a verdict: written by another version"] += 1
-        progress("judging episodes", done, len(episodes))
-    seconds = Counter(second.rater for second in second_judgements(record.connection))
-    check.notes += [
-        f"judged a second time, by a person: {counted(n, 'episode')} by {rater}" for rater, n in sorted(seconds.items())
-    ]
+def _check_episode(record: VerifiedRecord, episode: Row[Any], verdicts: Sequence[Row[Any]], check: Check) -> None:
+    if episode.state not in ENDED:
+        check.skip("not ended")
+    elif episode.origin == IMPORTED:
+        check.skip("imported from another tool: no poses to judge")
+    else:
+        found = _EpisodeCheck(record, episode, verdicts)
+        check.add(list(found.findings()))
+        if found.other_wording:
+            check.skip("wording of a verdict: written by another version")
 
 
 class _EpisodeCheck:

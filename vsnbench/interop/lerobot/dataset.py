@@ -262,11 +262,7 @@ def _full_scale(key: str) -> float:
 
 
 def _decoded(images: RecordedImages, frame: int, shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    """Return the pixels of an image: (H, W, 3) RGB of 8 bits, or (H, W) depth of 16 bits.
-
-    Raises:
-        RecordError: it is damaged, or of another kind.
-    """
+    """Return the pixels of an image: (H, W, 3) RGB of 8 bits, or (H, W) depth of 16 bits."""
     import cv2
 
     flags = cv2.IMREAD_UNCHANGED if images.depth else cv2.IMREAD_COLOR

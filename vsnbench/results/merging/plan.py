@@ -156,10 +156,9 @@ def campaign_numbers(connection: Connection) -> dict[str, int]:
 
 
 def _agreeing_campaigns(records: Sequence[OtherRecord]) -> dict[str, tuple[Row, OtherRecord]]:
-    """Return the campaigns of all records but the first by key, from the first of these that has them.
+    """Return the campaigns of all records but the first by key, each from the first of these that has it.
 
-    Raises:
-        RecordError: a key or a hash of a site, robot or model has different contents.
+    Campaigns, sites, robots and models with equal hashes must have equal contents.
     """
     known: dict[tuple[str, str], Any] = {}
     found: dict[str, tuple[Row, OtherRecord]] = {}

@@ -114,11 +114,7 @@ def plan_studies(records: Sequence[OtherRecord]) -> StudiesPlan:
 
 
 def _read_studies(record: OtherRecord) -> list[StudyRows]:
-    """Return the studies of a record.
-
-    Raises:
-        RecordError: a plan does not match its hash.
-    """
+    """Return the studies of a record; their plans must match their hashes."""
     rows = record.connection.execute(select(*columns_of(Study)).order_by(Study.id)).mappings()
     found = [_read(record.name, record.connection, dict(row)) for row in rows.all()]
     for read in found:
@@ -204,11 +200,7 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
 
 
 def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[OtherRecord]) -> None:
-    """Check that every trial of a study was run as part of that study.
-
-    Raises:
-        RecordError: two studies share an arm, or a record has episodes of an arm without the study.
-    """
+    """Check that every trial of a study was run as part of that study."""
     owners: dict[str, StudyRows] = {}
     for study in studies:
         for _, code, key in study.arms:

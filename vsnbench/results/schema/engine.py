@@ -133,11 +133,7 @@ def sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
 
 
 def _copied(path: Path, wal: Path) -> Path:
-    """Return a copy of a database and its WAL in a temporary directory of this process.
-
-    Raises:
-        RecordError: there is not enough space.
-    """
+    """Return a copy of a database and its WAL in a temporary directory of this process."""
     scratch = ScratchDirectory("record")
     atexit.register(scratch.remove)
     try:

@@ -177,11 +177,7 @@ _ADVISORY_LOCK = 7_305_514_013
 
 
 def _check_campaigns(engine: Engine) -> None:
-    """Check that no campaign refers to a missing row, because it would be missing from every table.
-
-    Raises:
-        RecordError: a row was deleted by hand.
-    """
+    """Check that no campaign refers to a missing row, because it would be missing from every table."""
     query = (
         select(Campaign.id, Model.id, Robot.id, Site.id)
         .outerjoin(Model, Model.id == Campaign.model_id)
@@ -202,11 +198,7 @@ def _check_campaigns(engine: Engine) -> None:
 
 
 def _check_nobody_writes(connection: Connection) -> None:
-    """Check that no other process is recording an episode.
-
-    Raises:
-        RecordError: an older vsnbench is using the database.
-    """
+    """Check that no other process is recording an episode."""
     from vsnbench.results.writing.provenance import this_process
     from vsnbench.results.writing.recovery import live_writers
 

@@ -101,11 +101,6 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
     }
 
 
-def placement_row(start: Fix) -> Row:
-    """Return the columns set when the robot is placed."""
-    return {**pose_columns("start", start.pose), "start_source": start.source.value}
-
-
 def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
     """Return the row of a measured placement accepted now."""
     offset = measured.offset

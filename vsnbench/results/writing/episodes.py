@@ -10,7 +10,7 @@ from sqlalchemy import Connection, Engine, bindparam, delete, insert, select, up
 
 from vsnbench.errors import EpisodeClosedError
 from vsnbench.protocol.judge import Verdict
-from vsnbench.results.reading.episode_numbers import record_release
+from vsnbench.results.reading.episode_numbers import ReleasedClaim
 from vsnbench.results.reading.read_model import episodes_holding_trial
 from vsnbench.results.schema.engine import transaction
 from vsnbench.results.schema.placement_tables import Placement
@@ -19,7 +19,7 @@ from vsnbench.results.schema.row_encoding import (
     episode_end_row,
     insert_row,
     measured_row,
-    placement_row,
+    pose_columns,
     text,
     verdict_row,
 )
@@ -31,7 +31,7 @@ from vsnbench.results.writing.campaigns import trial_seed
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.judging import RETRACTED, judge, require_unchanged_judgement
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState, advance, lease
-from vsnbench.results.writing.sessions import operator_of
+from vsnbench.results.writing.sessions import session_of
 from vsnbench.results.writing.steps import StepStatements, step_row
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
@@ -85,7 +85,8 @@ class EpisodeWriter:
             EpisodeClosedError: the claim is lost, or the episode has begun.
         """
         with transaction(self.engine) as connection:
-            row = {**placement_row(start), "lease_until": lease(connection)}
+            row = {**pose_columns("start", start.pose), "start_source": start.source.value}
+            row["lease_until"] = lease(connection)
             advance(connection, episode_id, EpisodeState.PLACED, process_id=self._process_id, **row)
 
     def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
@@ -98,7 +99,8 @@ class EpisodeWriter:
             row = {**episode_begin_row(entry), "lease_until": lease(connection)}
             advance(connection, episode_id, EpisodeState.RUNNING, process_id=self._process_id, **row)
             if entry.measured is not None:
-                accepted = measured_row(episode_id, entry.measured, operator_of(connection, episode_id))
+                session = session_of(connection, episode_id)
+                accepted = measured_row(episode_id, entry.measured, session.operator if session else "")
                 connection.execute(insert(Placement), accepted)
 
     def release(self, episode_id: int) -> bool:
@@ -246,7 +248,7 @@ def release(connection: Connection, episode_id: int) -> bool:
     if connection.execute(select(Episode.id).where(*unbegun).with_for_update()).first() is None:
         return False
     connection.execute(delete(Event).where(Event.episode_id == episode_id))
-    record_release(connection, episode_id)
+    connection.execute(insert(ReleasedClaim), {"number": episode_id, "released_at": datetime.now(UTC)})
     return connection.execute(delete(Episode).where(*unbegun)).rowcount == 1
 
 

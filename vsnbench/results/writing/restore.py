@@ -75,11 +75,7 @@ def _check_archive(source: Path) -> None:
 
 
 def _keep(url: str, directory: Path) -> Path | None:
-    """Back up the present database, unless it is empty.
-
-    Raises:
-        RecordError: a process writes to it, or it cannot be copied.
-    """
+    """Back up the present database, unless it is empty."""
     with opened_engine(url) as engine:
         if schema_state(engine).current is None:
             return None
@@ -101,11 +97,7 @@ def _new_name(directory: Path) -> Path:
 
 
 def _is_usable(target: Path) -> bool:
-    """Return whether the file is a usable database.
-
-    Raises:
-        RecordError: the file cannot be read at the moment.
-    """
+    """Return whether the file is a usable database."""
     try:
         with closing(sqlite_reader(target)()) as database:
             refuse_foreign_schema(database, str(target))

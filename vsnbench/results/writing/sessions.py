@@ -106,12 +106,6 @@ def session_of(connection: Connection, episode_id: int) -> RecordedSession | Non
     return None if row is None else RecordedSession(*row)
 
 
-def operator_of(connection: Connection, episode_id: int) -> str:
-    """Return the operator of an episode, or an empty string."""
-    found = session_of(connection, episode_id)
-    return found.operator if found else ""
-
-
 def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
     """Return the measured start pose of an episode; None if it was not measured."""
     row = connection.execute(select(Placement.__table__).where(Placement.episode_id == episode_id)).first()
