@@ -6,13 +6,12 @@ An episode has a tag if the latest event about it is not its removal. Events are
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Final
 
 from sqlalchemy import ColumnElement, Connection, exists, insert, select
 
 from vsnbench.errors import UsageError
-from vsnbench.results.schema.row_encoding import parts, text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.tables import Episode, Event, Verdict
 from vsnbench.text.sanitize import sanitize
 
@@ -77,16 +76,13 @@ def annotate(connection: Connection, episode_ids: Collection[int], annotation: A
             code="unknown-episode",
         )
     present = tags_of(connection, episode_ids)
-    now, rows = datetime.now(UTC), []
+    rows = []
     for number in episode_ids:
         tags = present.get(number, ())
         changes = [(NOTE, annotation.note)] if annotation.note else []
         changes += [(TAGGED, tag) for tag in annotation.tags if tag not in tags]
         changes += [(UNTAGGED, tag) for tag in annotation.removed_tags if tag in tags]
-        rows += [
-            {"episode_id": number, "kind": kind, "text": text(words), "author": text(author), "created_at": now}
-            for kind, words in changes
-        ]
+        rows += [event_row(kind, words, author=author, episode_id=number) for kind, words in changes]
     if rows:
         connection.execute(insert(Event), rows)
 

@@ -5,7 +5,7 @@ The latest answer of a rater about an episode counts, unless it was retracted. M
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from typing import Final
 
@@ -13,7 +13,7 @@ from sqlalchemy import Connection, insert, select
 
 from vsnbench.errors import UsageError
 from vsnbench.results.reading.read_model import COUNTS, episodes_of_trials
-from vsnbench.results.schema.row_encoding import parts, text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.tables import Episode, Event, Session, Verdict
 from vsnbench.results.writing.lifecycle import EpisodeState
 
@@ -100,7 +100,7 @@ def add_second_judgement(connection: Connection, episode: int, rater: str, outco
             advice="a second judgement is another person's",
             code="first-judge",
         )
-    _append(connection, episode, f"second_{outcome}", rater, words)
+    connection.execute(insert(Event), event_row(f"second_{outcome}", words, author=rater, episode_id=episode))
 
 
 def retract_second_judgement(connection: Connection, episode: int, rater: str) -> None:
@@ -111,7 +111,7 @@ def retract_second_judgement(connection: Connection, episode: int, rater: str) -
             advice="nothing to retract",
             code="no-second-judgement",
         )
-    _append(connection, episode, _RETRACTED, rater, "")
+    connection.execute(insert(Event), event_row(_RETRACTED, "", author=rater, episode_id=episode))
 
 
 def second_judgements(connection: Connection, episodes: Collection[int] | None = None) -> tuple[SecondJudgement, ...]:
@@ -127,8 +127,3 @@ def second_judgements(connection: Connection, episodes: Collection[int] | None =
                 given = SecondJudgement(number, rater, outcome, words, at) if outcome is not None else None
                 latest[number, person_key(rater)] = given
     return tuple(given for _, given in sorted(latest.items()) if given is not None)
-
-
-def _append(connection: Connection, episode: int, kind: str, rater: str, words: str) -> None:
-    row = {"episode_id": episode, "kind": kind, "author": text(rater), "text": text(words)}
-    connection.execute(insert(Event), row | {"created_at": datetime.now(UTC)})

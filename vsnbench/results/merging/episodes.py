@@ -187,11 +187,11 @@ def _difference_of_steps(mine: Sequence[Row], theirs: Sequence[Row]) -> str:
         return "its steps differ"
     for ours, other in zip(mine, theirs, strict=True):
         for name in _DIGESTS:
-            said = compare_digests(ours[name], other[name])
-            if said is Pixels.NOT_COMPARABLE:
+            compared = compare_digests(ours[name], other[name])
+            if compared is Pixels.NOT_COMPARABLE:
                 made_with = f"{algorithm(ours[name])} and {algorithm(other[name])}"
                 return f"the {name} of its step {ours['number']}, made with {made_with}, cannot be compared"
-            if said is Pixels.OTHER:
+            if compared is Pixels.OTHER:
                 return f"the {name} of its step {ours['number']} differs"
     return ""
 

@@ -3,8 +3,8 @@
 Numbers are assigned anew, in the order in which the episodes began.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
@@ -23,10 +23,11 @@ from vsnbench.results.merging.episodes import (
 from vsnbench.results.merging.goals import take_definitions
 from vsnbench.results.merging.plan import IDENTITIES, MergePlan, OtherEpisode, campaign_numbers
 from vsnbench.results.merging.studies import write_studies
-from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_row, text
+from vsnbench.results.schema.row_encoding import Row, event_row, find_or_insert, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial
 from vsnbench.results.writing.campaigns import extend_plan
 from vsnbench.results.writing.episodes import images_directory
+from vsnbench.text.sanitize import counted
 
 MERGED = "merged"
 """Kind of events that record the source of merged episodes."""
@@ -131,11 +132,7 @@ def _record_sources(
     mine: Connection, others: Sequence[OtherRecord], plan: MergePlan, numbers: Mapping[str, int]
 ) -> None:
     """Record, per campaign and source, the number of merged episodes."""
-    counts: dict[tuple[str, int], int] = {}
-    for new_episode in plan.new_episodes:
-        where = (new_episode.campaign_key, new_episode.other)
-        counts[where] = counts.get(where, 0) + 1
-    event = {"kind": MERGED, "author": "", "created_at": datetime.now(UTC)}
+    counts = Counter((episode.campaign_key, episode.other) for episode in plan.new_episodes)
     for (key, other), count in counts.items():
-        words = text(f"{count} episode{'' if count == 1 else 's'} came from {others[other].name}")
-        mine.execute(insert(Event), {**event, "campaign_id": numbers[key], "text": words})
+        words = f"{counted(count, 'episode')} came from {others[other].name}"
+        mine.execute(insert(Event), event_row(MERGED, words, campaign_id=numbers[key]))

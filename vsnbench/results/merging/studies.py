@@ -180,7 +180,7 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
         )
     plan = second if len(theirs) > len(ours) else first
     unblinded = [study.study["unblinded_at"] for study in (first, second) if study.study["unblinded_at"] is not None]
-    told = [*first.history, *(entry for entry in second.history if entry not in first.history)]
+    history = [*first.history, *(entry for entry in second.history if entry not in first.history)]
     log = {event.sha256: event for event in (*second.log, *first.log)}
     followed = {parent for event in log.values() for parent in event.parents}
     # A head without its event is kept: the merged record reports it as missing too.
@@ -194,7 +194,7 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
             "unblinded_at": min(unblinded, default=None),
             "log_heads": " ".join(sorted(heads)),
         },
-        history=tuple(sorted(told, key=lambda entry: entry.moment)),
+        history=tuple(sorted(history, key=lambda entry: entry.moment)),
         log=tuple(sorted(log.values(), key=lambda event: event.created_at)),
     )
 

@@ -287,24 +287,19 @@ def to_json(value: object, *, in_order: bool = False) -> str:
 
 
 def _plain(value: object) -> object:
-    kind = type(value)
-    if kind is float:  # the most frequent type in a step's details
-        return value if math.isfinite(value) else None  # type: ignore[arg-type]
-    if kind is list or kind is tuple:
-        return [_plain(item) for item in value]  # type: ignore[attr-defined]
+    if isinstance(value, float):  # the most frequent type in a step's details
+        return value if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
     match value:
         case None | bool() | int():
             return value
         case str():
             return value.replace("\x00", "\N{REPLACEMENT CHARACTER}")  # PostgreSQL does not accept NUL in text
-        case float():
-            return value if math.isfinite(value) else None
         case Mapping():
             return {str(key): _plain(item) for key, item in value.items()}
         case np.ndarray() | np.generic():
             return _plain(value.tolist())
-        case list() | tuple():
-            return [_plain(item) for item in value]
         case set() | frozenset():
             return sorted((_plain(item) for item in value), key=str)
         case _:

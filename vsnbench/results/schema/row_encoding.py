@@ -92,6 +92,11 @@ def process_row(given: Provenance) -> Row:
     }
 
 
+def event_row(kind: str, words: str, *, author: str = "", **where: int | None) -> Row:
+    """Return the row of an event that happens now, with the columns of the campaign, episode or step."""
+    return {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC), **where}
+
+
 def episode_begin_row(begin: EpisodeBegin) -> Row:
     """Return the columns set at an episode's beginning."""
     return {

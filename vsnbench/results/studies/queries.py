@@ -9,7 +9,7 @@ from statistics import median
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.metrics import known_progress
-from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id
+from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id, first_attempt
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import columns_of_fields
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
@@ -69,12 +69,6 @@ def study_progress(
 
     Trials of the process are `here`.
     """
-    first = (
-        select(func.min(Episode.id))
-        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state != EpisodeState.VOID.value)
-        .correlate(StudyTrial)
-        .scalar_subquery()
-    )
     voids, results = (
         select(func.count())
         .select_from(Episode)
@@ -94,7 +88,7 @@ def study_progress(
         .select_from(StudyTrial)
         .join(Trial, Trial.id == StudyTrial.trial_id)
         .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
-        .outerjoin(Episode, Episode.id == first)
+        .outerjoin(Episode, Episode.id == first_attempt(StudyTrial.trial_id))
         .outerjoin(Verdict, (Verdict.id == current_verdict_id(Episode.id)) & STANDS)
         .outerjoin(Process, Process.id == Episode.process_id)
         .outerjoin(Session, Session.id == Episode.session_id)

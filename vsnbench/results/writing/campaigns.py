@@ -13,7 +13,7 @@ from sqlalchemy import Connection, func, select
 
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.goals import store_goals
-from vsnbench.results.reading.read_model import SUCCESS, current_verdict_id
+from vsnbench.results.reading.read_model import SUCCESS, current_verdict_id, first_attempt
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_if_absent, text
@@ -245,12 +245,6 @@ def extend_plan(
 
 def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id: int) -> CampaignProgress:
     """Return the states of the trials of an open campaign, in its order."""
-    first = (
-        select(func.min(tables.Episode.id))
-        .where(tables.Episode.trial_id == tables.Trial.id, tables.Episode.state != EpisodeState.VOID.value)
-        .correlate(tables.Trial)
-        .scalar_subquery()
-    )
     rows = connection.execute(
         select(
             tables.Trial.id,
@@ -262,7 +256,7 @@ def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id
             tables.Process.host,
         )
         .select_from(tables.Trial)
-        .join(tables.Episode, tables.Episode.id == first)
+        .join(tables.Episode, tables.Episode.id == first_attempt(tables.Trial.id))
         .join(tables.Process, tables.Process.id == tables.Episode.process_id)
         .outerjoin(tables.Verdict, tables.Verdict.id == current_verdict_id(tables.Episode.id))
         .where(tables.Trial.campaign_id == campaign.id)

@@ -14,7 +14,7 @@ from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.placement_tables import Placement
-from vsnbench.results.schema.row_encoding import parts, text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.study_tables import StudyArm
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Step, Trial, Verdict
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -103,7 +103,6 @@ def delete_for_good(
 
 
 def _delete(connection: Connection, plan: Deletion, *, author: str, reason: str) -> None:
-    event = {"kind": DELETED, "author": text(author), "created_at": datetime.now(UTC)}
     what = _named(connection, Campaign.id, Campaign.key, "campaign", plan.campaigns)
     what += _named(connection, Episode.id, Episode.uuid, "episode", plan.episodes)
     for some in parts(plan.episodes):
@@ -113,7 +112,7 @@ def _delete(connection: Connection, plan: Deletion, *, author: str, reason: str)
         for column in (Event.campaign_id, Trial.campaign_id, Campaign.id):
             connection.execute(delete(column.class_).where(column.in_(plan.campaigns)))
     if what:
-        connection.execute(insert(Event), [{**event, "text": text(f"{line}: {reason}")} for line in what])
+        connection.execute(insert(Event), [event_row(DELETED, f"{line}: {reason}", author=author) for line in what])
 
 
 def _named(connection: Connection, number: Any, identity: Any, kind: str, numbers: Collection[int]) -> list[str]:

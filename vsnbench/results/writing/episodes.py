@@ -17,10 +17,10 @@ from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import (
     episode_begin_row,
     episode_end_row,
+    event_row,
     insert_row,
     measured_row,
     pose_columns,
-    text,
     verdict_row,
 )
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Trial
@@ -169,8 +169,8 @@ class EpisodeWriter:
         with transaction(self.engine) as connection:
             advance(connection, episode_id, EpisodeState.AWAITING, from_states=(EpisodeState.JUDGED, EpisodeState.VOID))
             require_unchanged_judgement(connection, episode_id, seen)
-            event = {"kind": RETRACTED, "author": text(author), "text": "the judgement was a slip"}
-            connection.execute(insert(Event), {**event, "episode_id": episode_id, "created_at": datetime.now(UTC)})
+            event = event_row(RETRACTED, "the judgement was a slip", author=author, episode_id=episode_id)
+            connection.execute(insert(Event), event)
             log_outcome(connection, episode_id)
 
 

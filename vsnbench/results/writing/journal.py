@@ -1,7 +1,6 @@
 """The only writer of the record: campaigns, episodes, steps, verdicts and events, each committed immediately."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from datetime import UTC, datetime
 from typing import Self
 
 from sqlalchemy import Engine, insert
@@ -13,7 +12,7 @@ from vsnbench.results.merging.merge import PlaceFiles, apply_merge, lock_merges
 from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.schema.engine import LockWait, open_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, upgrade
-from vsnbench.results.schema.row_encoding import insert_row, process_row, text
+from vsnbench.results.schema.row_encoding import event_row, insert_row, process_row, text
 from vsnbench.results.schema.tables import Event, Process
 from vsnbench.results.second_judgements import Outcome, add_second_judgement, retract_second_judgement
 from vsnbench.results.studies import writing
@@ -107,10 +106,9 @@ class Journal(EpisodeWriter):
             return ""
         with transaction(reading(self.engine)) as connection:
             last = last_of_its_name(connection, text(model.name), campaign.id)
-        found = differences(last[1], model) if last else ()
-        return (
-            f"model {model.name} differs from that of campaign {last[0]}: {', '.join(found)}" if last and found else ""
-        )
+        if last is None or not (found := differences(last[1], model)):
+            return ""
+        return f"model {model.name} differs from that of campaign {last[0]}: {', '.join(found)}"
 
     def store_bundle(self, episode_id: int, sealed: BundledRows) -> None:
         """Write the steps, events and end of an episode that a remote worker has run: all or nothing.
@@ -190,10 +188,9 @@ class Journal(EpisodeWriter):
         step_number: int | None = None,
     ) -> None:
         """Record an event that is not a step, with its author if there is one."""
-        event = {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC)}
         where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
         with transaction(self.engine) as connection:
-            connection.execute(insert(Event), event | where)
+            connection.execute(insert(Event), event_row(kind, words, author=author, **where))
 
     def annotate(self, episode_ids: Collection[int], annotation: Annotation, *, author: str) -> None:
         """Append a note and changed tags to episodes: all or nothing. No verdict changes.
