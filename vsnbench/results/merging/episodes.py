@@ -15,7 +15,6 @@ from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Step, Trial, Verdict
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.results.writing.episodes import attach_images
-from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests
 
@@ -47,11 +46,6 @@ class EpisodeRows:
     """Row of the operator session, if any."""
     placement: Row | None
     """Measured start pose, if any."""
-
-    @property
-    def state(self) -> EpisodeState:
-        """State after the latest judgement, or at the episode's end."""
-        return EpisodeState(self.episode["state"])
 
 
 def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
@@ -132,23 +126,16 @@ def insert_episode_rows(
         insert_row(connection, Placement, {**whole.placement, "episode_id": number})
     if has_files:
         attach_images(connection, number)
-    if whole.steps:
-        connection.execute(insert(Step), [{**step, "episode_id": number} for step in whole.steps])
-    add_verdicts(connection, number, whole.verdicts)
-    add_events(connection, number, whole.events)
+    add_rows(connection, Step, number, whole.steps)
+    add_rows(connection, Verdict, number, whole.verdicts)
+    add_rows(connection, Event, number, whole.events)
     return number
 
 
-def add_verdicts(connection: Connection, episode_id: int, verdicts: Sequence[Row]) -> None:
-    """Append verdicts of another record; the caller sets the resulting state."""
-    if verdicts:
-        connection.execute(insert(Verdict), [{**verdict, "episode_id": episode_id} for verdict in verdicts])
-
-
-def add_events(connection: Connection, episode_id: int, events: Sequence[Row]) -> None:
-    """Append events of another record."""
-    if events:
-        connection.execute(insert(Event), [{**event, "episode_id": episode_id} for event in events])
+def add_rows(connection: Connection, table: type[Base], episode_id: int, rows: Sequence[Row]) -> None:
+    """Append steps, verdicts or events of another record to an episode."""
+    if rows:
+        connection.execute(insert(table), [{**row, "episode_id": episode_id} for row in rows])
 
 
 def missing_events(ours: Sequence[Row], theirs: Sequence[Row]) -> list[Row]:

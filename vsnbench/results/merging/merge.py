@@ -12,8 +12,7 @@ from sqlalchemy import Connection, insert, select, update
 from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import (
     OtherRecord,
-    add_events,
-    add_verdicts,
+    add_rows,
     columns_of,
     difference,
     insert_episode_rows,
@@ -24,7 +23,7 @@ from vsnbench.results.merging.goals import take_definitions
 from vsnbench.results.merging.plan import IDENTITIES, MergePlan, OtherEpisode, campaign_numbers
 from vsnbench.results.merging.studies import write_studies
 from vsnbench.results.schema.row_encoding import Row, event_row, find_or_insert, insert_row
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial, Verdict
 from vsnbench.results.writing.campaigns import extend_plan
 from vsnbench.results.writing.episodes import images_directory
 from vsnbench.text.sanitize import counted
@@ -91,10 +90,10 @@ def _add(mine: Connection, other: OtherRecord, episode: OtherEpisode) -> None:
     theirs = read_episode_rows(other.connection, episode.number, steps=False)
     if wrong := difference(ours, theirs):
         raise RecordError(f"episode {episode.number} of {other.name} ({episode.uuid}): {wrong}; nothing was written")
-    add_events(mine, number, missing_events(ours.events, theirs.events))
+    add_rows(mine, Event, number, missing_events(ours.events, theirs.events))
     if len(theirs.verdicts) > len(ours.verdicts):
-        add_verdicts(mine, number, theirs.verdicts[len(ours.verdicts) :])
-        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.state.value))
+        add_rows(mine, Verdict, number, theirs.verdicts[len(ours.verdicts) :])
+        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.episode["state"]))
 
 
 def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_Processes") -> None:

@@ -33,11 +33,6 @@ class StudyChangeRows:
     entry: Row
     process: Row
 
-    @property
-    def moment(self) -> Any:
-        """Time of the entry."""
-        return self.entry["created_at"]
-
 
 @dataclass(frozen=True, slots=True)
 class StudyRows:
@@ -194,7 +189,7 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
             "unblinded_at": min(unblinded, default=None),
             "log_heads": " ".join(sorted(heads)),
         },
-        history=tuple(sorted(history, key=lambda entry: entry.moment)),
+        history=tuple(sorted(history, key=lambda change: change.entry["created_at"])),
         log=tuple(sorted(log.values(), key=lambda event: event.created_at)),
     )
 
