@@ -128,8 +128,6 @@ class OpenCampaign:
     """An open campaign with the trials that were requested."""
 
     id: int
-    key: str
-    name: str
     seed: int
     resumed: bool
     """The campaign existed before."""
@@ -182,8 +180,7 @@ class CampaignProgress:
 
 def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
     """Return the campaign of a plan with all requested trials."""
-    key = plan.key
-    there = connection.execute(select(tables.Campaign.id).where(tables.Campaign.key == key)).scalar()
+    there = connection.scalar(select(tables.Campaign.id).where(tables.Campaign.key == plan.key))
     if there is None:
         there = find_or_insert(
             connection,
@@ -198,7 +195,7 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
             "key",
         )
     # On a server this row serves as the lock for concurrent extensions of a plan.
-    campaign = connection.execute(select(tables.Campaign).where(tables.Campaign.id == there).with_for_update()).one()
+    connection.execute(select(tables.Campaign.id).where(tables.Campaign.id == there).with_for_update())
     before = _trials(connection, there)
     goals = store_goals(connection, there, plan.site.goals, {trial.goal for trial in plan.trials})
     new = [trial for trial in plan.trials if trial not in before]
@@ -207,9 +204,7 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
     known = _trials(connection, there) if new else before
     return OpenCampaign(
         id=there,
-        key=key,
-        name=campaign.name,
-        seed=campaign.seed,
+        seed=plan.seed,
         resumed=bool(before),
         trials=tuple(known[trial] for trial in plan.trials),
     )

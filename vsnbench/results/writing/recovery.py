@@ -84,15 +84,15 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
     connection.execute(insert(VerdictTable), verdict_row(row.id, void, author="vsnbench", source="recovery"))
     words = f"process {row.pid} on {row.host} died after {row.steps} recorded steps"
     connection.execute(insert(Event), event_row("recovered", words, episode_id=row.id, campaign_id=row.campaign_id))
-    return RecoveredEpisode(row.id, row.goal, row.start, row.steps, row.images_directory)
+    return RecoveredEpisode(row.id, row.steps, row.images_directory)
 
 
 def interrupted(connection: Connection) -> tuple[RecoveredEpisode, ...]:
     """Return the episodes that ended because their process died."""
     rows = connection.execute(
-        select(Episode.id, Trial.goal, Trial.start, Episode.actions, Episode.images_directory)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != "")
+        select(Episode.id, Episode.actions, Episode.images_directory).where(
+            Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != ""
+        )
     )
     return tuple(RecoveredEpisode(*row) for row in rows)
 
@@ -123,8 +123,6 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
             Episode.lease_until,
             Episode.images_directory,
             Trial.campaign_id,
-            Trial.goal,
-            Trial.start,
             *_IDENTITY,
             func.coalesce(steps.c.steps, 0).label("steps"),
             steps.c.last_step_at,
