@@ -20,10 +20,8 @@ def definitions_of_trials(connection: Connection) -> Definitions:
         .join(Campaign, Campaign.id == Trial.campaign_id)
         .join(Goal, Goal.id == Trial.goal_id)
     )
-    found: Definitions = {}
-    for key, goal, *values in rows:
-        found[key, goal] = dict(zip(("sha256", "name", "kind", "content", "image"), values, strict=True))
-    return found
+    names = ("sha256", "name", "kind", "content", "image")
+    return {(row["key"], row["goal"]): {name: row[name] for name in names} for row in rows.mappings()}
 
 
 def agreeing_definitions(records: Iterable[OtherRecord]) -> Definitions:

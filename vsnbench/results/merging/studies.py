@@ -136,17 +136,13 @@ def _read(record: str, connection: Connection, study: Row) -> StudyRows:
         .where(StudyTrial.study_id == number)
         .order_by(StudyTrial.rank)
     )
-    processes = {row["id"]: dict(row) for row in connection.execute(select(*columns_of(Process))).mappings()}
-    for row in processes.values():
-        del row["id"]
+    processes = {row.pop("id"): row for row in map(dict, connection.execute(select(*columns_of(Process))).mappings())}
     entries = connection.execute(
         select(*columns_of(StudyEntry, "id", "study_id"))
         .where(StudyEntry.study_id == number)
         .order_by(StudyEntry.created_at, StudyEntry.id)
     ).mappings()
-    history = [StudyChangeRows(dict(row), processes[row["process_id"]]) for row in entries]
-    for entry in history:
-        del entry.entry["process_id"]
+    history = [StudyChangeRows(row, processes[row.pop("process_id")]) for row in map(dict, entries)]
     return StudyRows(
         record,
         study,
