@@ -20,7 +20,7 @@ from vsnbench.results.database_url import parse_url, redacted_url, sqlite_path, 
 from vsnbench.results.files.directory import DATABASE_NAME, LOW_SPACE_BYTES, ResultsDirectory
 from vsnbench.results.files.staged_import import StagedImport, files_below, remove_stale_imports
 from vsnbench.results.merging.episodes import OtherRecord
-from vsnbench.results.merging.plan import MergePlan, OtherEpisode, plan_merge
+from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.queries import images_directories
 from vsnbench.results.schema.engine import opened_engine, reading, transaction
@@ -202,9 +202,9 @@ def _write(target: ResultsDirectory, records: Sequence[OtherRecord], merged: Mer
                     progress("copying images", done, files.size_bytes)
             written = 0
 
-            def place(new_episode: OtherEpisode, directory: str) -> None:
+            def place(uuid: str, directory: str) -> None:
                 nonlocal written
-                coming.place(new_episode.uuid, directory)
+                coming.place(uuid, directory)
                 written += 1
                 progress("writing episodes", written, len(files.arriving))
 

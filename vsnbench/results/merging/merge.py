@@ -4,7 +4,7 @@ Numbers are assigned anew, in the order in which the episodes began.
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
@@ -25,15 +25,11 @@ from vsnbench.results.merging.studies import write_studies
 from vsnbench.results.schema.row_encoding import Row, event_row, find_or_insert, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial, Verdict
 from vsnbench.results.writing.campaigns import extend_plan
-from vsnbench.results.writing.episodes import images_directory
+from vsnbench.results.writing.episodes import PlaceFiles, images_directory
 from vsnbench.text.sanitize import counted
 
 MERGED = "merged"
 """Kind of events that record the source of merged episodes."""
-
-PlaceFiles = Callable[[OtherEpisode, str], None]
-"""Places a new episode's files in a directory, relative to the results directory, before the commit."""
-
 
 _ADVISORY_LOCK = 7_305_514_014
 
@@ -77,7 +73,7 @@ def apply_merge(
         if number is None:
             raise RecordError(f"episode {new_episode.uuid} was added by another process; nothing was written")
         if has_files:
-            place_files(new_episode, images_directory(number))
+            place_files(new_episode.uuid, images_directory(number))
     for known_episode in plan.updates:
         _add(mine, others[known_episode.other], known_episode)
     _record_sources(mine, others, plan, numbers)

@@ -1,7 +1,7 @@
 """Writes episodes: claim, placement, beginning, steps, end and judgements."""
 
 import uuid
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -36,6 +36,8 @@ from vsnbench.results.writing.steps import StepStatements, step_row
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
 
+PlaceFiles = Callable[[str, str], None]
+"""Places the files of an episode, by its UUID, in a directory relative to the results directory, before the commit."""
 NOT_STARTED = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 
 

@@ -1,6 +1,6 @@
 """Imports episodes of other tools, all of a file or none, and withdraws imports."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from uuid import uuid4
@@ -14,7 +14,7 @@ from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.results.writing import campaigns
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.entries import EpisodeEnd
-from vsnbench.results.writing.episodes import attach_images, end_episode
+from vsnbench.results.writing.episodes import PlaceFiles, attach_images, end_episode
 from vsnbench.results.writing.judging import judge
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.steps import step_row
@@ -22,9 +22,6 @@ from vsnbench.values.step import StepRecord
 
 IMPORTED = "imported"
 """Origin of imported episodes, and kind of their robots."""
-
-PlaceFiles = Callable[[str, str], None]
-"""Places the images of an episode by its UUID in a directory, relative to the results directory, before the commit."""
 
 
 @dataclass(frozen=True, slots=True)

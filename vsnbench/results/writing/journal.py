@@ -1,6 +1,6 @@
 """The only writer of the record: campaigns, episodes, steps, verdicts and events, each committed immediately."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Self
 
 from sqlalchemy import Engine, insert
@@ -8,7 +8,7 @@ from sqlalchemy import Engine, insert
 from vsnbench.errors import RecordError
 from vsnbench.results.annotations import Annotation, annotate
 from vsnbench.results.merging.episodes import OtherRecord
-from vsnbench.results.merging.merge import PlaceFiles, apply_merge, lock_merges
+from vsnbench.results.merging.merge import apply_merge, lock_merges
 from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.schema.engine import LockWait, open_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, upgrade
@@ -29,7 +29,7 @@ from vsnbench.results.writing.campaigns import (
     find_or_create,
 )
 from vsnbench.results.writing.entries import RecoveredEpisode
-from vsnbench.results.writing.episodes import EpisodeWriter, attach_images
+from vsnbench.results.writing.episodes import EpisodeWriter, PlaceFiles, attach_images
 from vsnbench.results.writing.imports import ImportedEpisode
 from vsnbench.results.writing.model_history import differences, last_of_its_name
 from vsnbench.results.writing.provenance import Provenance, gather_provenance, this_process
@@ -122,7 +122,7 @@ class Journal(EpisodeWriter):
             store_bundle(connection, self._process_id, episode_id, sealed)
 
     def import_campaign(
-        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], place_files: imports.PlaceFiles | None = None
+        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], place_files: PlaceFiles | None = None
     ) -> tuple[int, tuple[int, ...]]:
         """Write another tool's episodes, one per trial of the plan and in its order: all or nothing.
 
@@ -168,7 +168,7 @@ class Journal(EpisodeWriter):
             apply_merge(connection, others, plan, with_files, place)
             return plan
 
-    def attach_images(self, numbers: Mapping[str, int], place: Callable[[str, str], None]) -> None:
+    def attach_images(self, numbers: Mapping[str, int], place: PlaceFiles) -> None:
         """Record that episodes without images have them now: all or none.
 
         `place` is called with each UUID and its directory, and moves the files there before the commit.
