@@ -85,9 +85,13 @@ def import_upstream_log(
 def _logged(episode: LoggedEpisode) -> ImportedEpisode:
     unknown = MotionResult(completed=True, displacement_m=math.nan, turn_rad=math.nan, duration_s=math.nan)
     moment = episode.started_at or datetime.now(UTC)
+    # The reason for a log that ends without STOP is unknown; an operator decides.
+    reason = EndReason.STOP if episode.stopped else EndReason.ABORTED
+    if len(episode.actions) >= ProtocolParameters().max_actions:
+        reason = EndReason.STEP_LIMIT
     return ImportedEpisode(
         end=EpisodeEnd(
-            end_reason=_end(len(episode.actions), episode.stopped, ProtocolParameters()),
+            end_reason=reason,
             actions=len(episode.actions),
             error="" if episode.stopped else "the imported log ends without STOP",
             ended_at=moment,
@@ -169,13 +173,6 @@ def _plan(
         trials=planned,
         name=f"{model}, imported from {source.name}",
     )
-
-
-def _end(actions: int, stopped: bool, protocol: ProtocolParameters) -> EndReason:
-    if actions >= protocol.max_actions:
-        return EndReason.STEP_LIMIT
-    # The reason for a log that ends without STOP is unknown; an operator decides.
-    return EndReason.STOP if stopped else EndReason.ABORTED
 
 
 def _stage_picture(source: Path, target: Path) -> None:
