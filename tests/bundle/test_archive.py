@@ -72,7 +72,6 @@ def is_found(path: Path, into: Path) -> bool:
 def test_an_intact_bundle_has_no_problems(bundle, tmp_path):
     opened = open_bundle(bundle, tmp_path / "into")
     assert opened.problems == ()
-    assert opened.format_version == 1
     assert opened.results == tmp_path / "into/results"
     assert {name: (tmp_path / "into" / name).read_bytes() for name in FILES} == FILES
     assert set(opened.files) == {FORMAT_FILE, *FILES}

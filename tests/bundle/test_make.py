@@ -129,7 +129,6 @@ def test_without_images_only_rows_and_tables_remain(record: Path, tmp_path: Path
     bundle = opened(record, tmp_path, "--campaign", "1", "--without", "images")
     assert not (bundle.results / "episodes").exists()
     assert rows(bundle.results / "vsnbench.db", "SELECT DISTINCT images_directory FROM episode") == [("",)]
-    assert bundle.report_json.is_file()
 
 
 def test_a_missing_image_is_named(record: Path, tmp_path: Path) -> None:
@@ -365,7 +364,7 @@ def test_a_record_on_a_server_is_bundled_as_an_sqlite_file(record: Path, tmp_pat
 def test_the_report_is_that_of_the_same_campaigns_in_the_record(record: Path, tmp_path: Path, campaigns: str) -> None:
     bundle = opened(record, tmp_path, "--campaign", campaigns, "--without", "images")
     reported = vsnbench(record, "report", "--campaign", campaigns, "--json").stdout
-    assert json.loads(bundle.report_json.read_text()) == json.loads(reported)
+    assert json.loads((bundle.directory / "report" / "report.json").read_text()) == json.loads(reported)
 
 
 def test_the_part_of_a_killed_bundling_is_removed(record: Path, tmp_path: Path) -> None:

@@ -268,7 +268,7 @@ def test_an_import_with_one_bad_picture_leaves_nothing_behind_and_can_be_repeate
     with lab.journal() as journal:
         assert list_episodes(journal.engine, EpisodeFilter()) == ()
     assert not (lab.directory / "episodes").exists()
-    assert not list(lab.directory.glob(".import-*"))
+    assert not list(lab.directory.glob(".arrivals.*"))
     last.write_bytes(good)
     _, numbers = imported(lab, log)
     assert len(numbers) == 2
@@ -279,7 +279,7 @@ def test_an_import_that_fails_half_way_writes_neither_rows_nor_files(lab: Lab, t
     log = upstream(tmp_path / "log", TWO_EPISODES, pictures=4)
     (lab.directory / "episodes").mkdir()
     (lab.directory / "episodes" / "000002").write_text("in the way")
-    with pytest.raises(RecordError, match="cannot store the images"):
+    with pytest.raises(RecordError, match="cannot import files"):
         imported(lab, log)
     with lab.journal() as journal:
         assert list_episodes(journal.engine, EpisodeFilter()) == ()

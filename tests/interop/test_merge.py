@@ -210,7 +210,7 @@ def test_two_records_of_a_condition_become_one_campaign_and_first_results_count(
         results = [one for one in list_episodes(journal.engine, EpisodeFilter()) if one.success is not None]
         counted = [one for one in results if episode_details(journal.engine, one.id).counts]
     assert merged.plan.second_results == len(results) - len(counted) > 0
-    assert merged.plan.campaigns == 0
+    assert not merged.plan.new_campaigns
 
 
 def test_verdicts_that_one_side_lacks_are_added_and_move_the_episode_on(tmp_path: Path, lab_a: Path) -> None:

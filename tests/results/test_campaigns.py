@@ -37,7 +37,6 @@ def test_those_who_create_one_campaign_at_once_get_one(url: str) -> None:
     made = at_once(url, [tuple(plan().trials)] * PROCESSES)
     assert len({campaign.id for campaign in made}) == 1
     assert len({campaign.trials for campaign in made}) == 1
-    assert sum(campaign.added for campaign in made) == len(plan().trials)
     with open_engine(url).connect() as connection:
         for table in ("campaign", "site", "robot", "model"):
             assert connection.execute(text(f"SELECT count(*) FROM {table}")).scalar() == 1

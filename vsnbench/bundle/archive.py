@@ -20,7 +20,6 @@ MANIFEST = "manifest-sha256.txt"
 """SHA-256 of every file except itself and the signatures, as `sha256sum --check` reads it."""
 SIGNATURES = "signatures"
 RESULTS = "results"
-REPORT_JSON = "report/report.json"
 
 _FORMAT_LINE = re.compile(rb"vsnbench bundle format (\d{1,9})\n")
 _MANIFEST_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
@@ -60,7 +59,6 @@ class OpenBundle:
     """A bundle on disk whose files were compared with its manifest."""
 
     directory: Path
-    format_version: int
     problems: tuple[BundleProblem, ...]
     """Differences from the manifest; empty if every byte is as it was written."""
     files: Mapping[str, str]
@@ -72,11 +70,6 @@ class OpenBundle:
     def results(self) -> Path:
         """The results directory in it. Its database is as untrusted as any other."""
         return self.directory / RESULTS
-
-    @property
-    def report_json(self) -> Path:
-        """The numbers of the report."""
-        return self.directory / REPORT_JSON
 
     @property
     def manifest(self) -> Path:
@@ -134,15 +127,15 @@ def _unpacked(path: Path, into: Path) -> OpenBundle:
             names.add(entry.name)
             _write(entry, into / entry.name)
             if not hashes:
-                _version(path, _read(into / FORMAT_FILE, _LONGEST_FORMAT_BYTES))
+                _check_version(path, into / FORMAT_FILE)
             hashes[entry.name] = entry.finish().sha256
     altered = [BundleProblem(name, Mismatch.ARCHIVE) for name in reader.altered]
     altered += [BundleProblem("", Mismatch.ARCHIVE)] if reader.directory_altered else []
     return _compared(into, hashes, altered)
 
 
-def _version(path: Path, content: bytes) -> int:
-    match = _FORMAT_LINE.fullmatch(content)
+def _check_version(path: Path, format_file: Path) -> None:
+    match = _FORMAT_LINE.fullmatch(_read(format_file, _LONGEST_FORMAT_BYTES))
     if match is None:
         raise RecordError(
             f"the first file of {path}, {FORMAT_FILE}, is not as `vsnbench bundle` writes it",
@@ -156,7 +149,6 @@ def _version(path: Path, content: bytes) -> int:
             advice="upgrade vsnbench",
             code="newer-bundle",
         )
-    return version
 
 
 def _not_a_bundle(path: Path) -> RecordError:
@@ -223,7 +215,7 @@ def _hashes_below(directory: Path) -> Iterator[tuple[str, str]]:
 def _compared(directory: Path, hashes: dict[str, str], problems: list[BundleProblem]) -> OpenBundle:
     if FORMAT_FILE not in hashes:
         raise _not_a_bundle(directory)
-    version = _version(directory, _read(directory / FORMAT_FILE, _LONGEST_FORMAT_BYTES))
+    _check_version(directory, directory / FORMAT_FILE)
     content = _read(directory / MANIFEST, _LARGEST_LIST_BYTES)
     listed = {}
     for line in content.decode("utf-8", "replace").splitlines():
@@ -246,7 +238,7 @@ def _compared(directory: Path, hashes: dict[str, str], problems: list[BundleProb
         elif hashes[name] != listed[name]:
             problems.append(BundleProblem(name, Mismatch.CHANGED))
     return OpenBundle(
-        directory, version, tuple(sorted(problems)), listed, tuple(directory / name for name in sorted(signatures))
+        directory, tuple(sorted(problems)), listed, tuple(directory / name for name in sorted(signatures))
     )
 
 

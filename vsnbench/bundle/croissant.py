@@ -12,7 +12,7 @@ from vsnbench.bundle.derived_files import RAW_TABLES
 from vsnbench.bundle.stored_zip import StoredFile
 from vsnbench.report.analysis.episodes_frame import COLUMNS
 from vsnbench.report.frames import CAMPAIGN_COLUMNS
-from vsnbench.results.schema.column_types import UtcDateTime
+from vsnbench.results.schema.base import UtcDateTime
 
 CROISSANT = "croissant.json"
 _TEXT, _INTEGER, _FLOAT, _BOOLEAN, _TIME = ("sc:Text", "sc:Integer", "sc:Float", "sc:Boolean", "sc:DateTime")
@@ -34,12 +34,7 @@ _TYPES: Mapping[str, frozenset[str]] = {
 
 
 def croissant(about: BundleAbout, tables: Mapping[str, StoredFile]) -> str:
-    """Return the Croissant description.
-
-    Args:
-        about: title, licence, authors and citation.
-        tables: name of each table with its file.
-    """
+    """Return the Croissant description of tables, by name."""
     content: dict[str, Any] = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",

@@ -11,21 +11,20 @@ from typing import Any
 
 from sqlalchemy import Connection, Table, select
 
-from vsnbench.bundle.environment import environment
 from vsnbench.errors import RecordError
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.report.formats.csv import to_csv
-from vsnbench.report.formats.json import to_json
+from vsnbench.report.formats.json import to_json as report_json
 from vsnbench.report.formats.markdown import markdown
 from vsnbench.report.frames import Results
 from vsnbench.report.study import forms
 from vsnbench.report.study.findings import read_findings
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.engine import reading, to_json, transaction
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.results.schema.tables import Model, Robot, Site, Step, Verdict
+from vsnbench.results.schema.tables import Model, Process, Robot, Site, Step, Verdict
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies
 from vsnbench.runner.study.integrity import check_integrity
@@ -43,12 +42,7 @@ _AT_ONCE = 500
 
 
 def write_derived_files(results: Path, into: Path, note: LockNote | None = None) -> None:
-    """Write the files that follow from the record of a bundle.
-
-    Args:
-        results: results directory with the record of a bundle.
-        into: directory for the files.
-        note: lock note of the study, if there is one.
+    """Write the files that follow from the record in the results directory of a bundle.
 
     Raises:
         RecordError: the record cannot be read, or a file cannot be written.
@@ -59,10 +53,10 @@ def write_derived_files(results: Path, into: Path, note: LockNote | None = None)
             (into / folder).mkdir(parents=True, exist_ok=True)
         _write_tables(url, into / TABLES)
         _write_report(url, into / "report")
-        with open_record(url) as engine, record_errors(engine), reading(engine).begin() as connection:
+        with open_record(url) as engine, transaction(reading(engine)) as connection:
             for table in (Site, Robot, Model):
                 _write_conditions(connection, table.__table__, into / "conditions")  # type: ignore[arg-type]
-            _write_json(into / "environment.json", environment(connection))
+            _write_json(into / "environment.json", _environment(connection))
         _write_study(url, into, note)
     except OSError as error:
         raise RecordError(f"cannot write {into}: {error.strerror or error}", advice="free some space") from error
@@ -72,7 +66,7 @@ def _write_tables(url: str, directory: Path) -> None:
     record = Results(url)
     record.campaigns().to_csv(directory / "campaigns.csv", index=False, lineterminator="\n")
     record.episodes().to_csv(directory / "episodes.csv", index=False, lineterminator="\n")
-    with open_record(url) as engine, record_errors(engine), reading(engine).begin() as connection:
+    with open_record(url) as engine, transaction(reading(engine)) as connection:
         for name, (table, left_out) in RAW_TABLES.items():
             columns = [column for column in table.columns if column.name not in left_out]
             query = select(*columns).order_by(*table.primary_key.columns)
@@ -93,7 +87,7 @@ def _write_report(url: str, directory: Path) -> None:
     report = build(url, Selection(), None)
     tables = report.tables(long=True)
     content = {
-        "report.json": to_json(
+        "report.json": report_json(
             report.results, report.questions, report.activity, report.record, report.operator_activity
         ),
         "report.csv": to_csv(report.results),
@@ -106,6 +100,32 @@ def _write_conditions(connection: Connection, table: Table, directory: Path) -> 
     for row in connection.execute(select(table).order_by(table.c.sha256)).mappings():
         content = {name: value for name, value in row.items() if name != "id"}
         _write_json(directory / f"{table.name}-{row['sha256'][:12]}.json", content)
+
+
+def _environment(connection: Connection) -> dict[str, Any]:
+    """Return the processes of a record with their commands, and each distinct environment once.
+
+    A package's `sha256` is that of the sorted lines of its wheel's RECORD, as installed when the process ran; null if
+    the process ran no trials, or was older than this field.
+    """
+    environments: list[dict[str, Any]] = []
+    numbers: dict[str, int] = {}
+    processes = []
+    for row in connection.execute(select(Process.__table__).order_by(Process.id)).mappings():
+        platform = dict(row["platform"])
+        hashes = platform.pop("package_hashes", None) or {}
+        packages = [
+            {"name": name, "version": version, "sha256": hashes.get(name)}
+            for name, version in sorted(row["packages"].items())
+        ]
+        there = {"platform": platform, "packages": packages}
+        number = numbers.setdefault(to_json(there, in_order=True), len(environments))
+        if number == len(environments):
+            environments.append(there)
+        names = ("id", "command", "operator", "host", "vsnbench_version", "git_commit", "git_dirty")
+        started_at = row["started_at"].isoformat()
+        processes.append({**{name: row[name] for name in names}, "started_at": started_at, "environment": number})
+    return {"environments": environments, "processes": processes}
 
 
 def _write_study(url: str, into: Path, note: LockNote | None) -> None:

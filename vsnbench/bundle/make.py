@@ -33,7 +33,7 @@ from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.files.image_set import image_faults
 from vsnbench.results.files.staged_import import files_below
 from vsnbench.results.merging.episodes import step_digests
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.study_tables import Study
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Verdict
@@ -95,7 +95,7 @@ def make_bundle(
     with ExitStack() as stack:
         stage = stack.enter_context(ScratchDirectory("bundle")).path
         progress("reading the record", 0, 3)
-        with open_record(results.database_url) as engine, record_errors(engine), reading(engine).begin() as source:
+        with open_record(results.database_url) as engine, transaction(reading(engine)) as source:
             selection = request.select(source)
             content = stage / "content"
             (content / "results").mkdir(parents=True)

@@ -32,7 +32,7 @@ from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.episode_numbers import ReleasedClaim, missing_numbers
 from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.engine import open_engine, transaction
+from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.migrate import HEAD
 from vsnbench.results.schema.row_encoding import Row
 from vsnbench.results.schema.study_tables import Study
@@ -45,19 +45,14 @@ _PAGE_BYTES = 4096
 def cut_record(source: Connection, selection: BundleSelection, target: Path, *, with_images: bool) -> None:
     """Write the selected part of a record to a new file.
 
-    Args:
-        source: a transaction that reads the record.
-        selection: campaigns, and their study.
-        target: path of the file; its directory has room for a second copy during the work.
-        with_images: keep the names of the directories with images.
+    Its directory must have room for a second copy during the work.
 
     Raises:
         RecordError: the file cannot be written.
     """
     draft = target.with_name(f"{target.name}.draft")
-    engine = open_engine(sqlite_url(draft))
-    event.listen(engine, "connect", _without_foreign_keys)
-    try:
+    with opened_engine(sqlite_url(draft)) as engine:
+        event.listen(engine, "connect", _without_foreign_keys)
         with transaction(engine) as copy:
             _create_tables(copy)
             for table in Base.metadata.sorted_tables:
@@ -68,8 +63,6 @@ def cut_record(source: Connection, selection: BundleSelection, target: Path, *, 
             _explain_gaps(source, copy)
             if wrong := copy.exec_driver_sql("PRAGMA foreign_key_check").first():
                 raise RecordError(f"a row of {wrong[0]} in the record refers to a missing row of {wrong[2]}")
-    finally:
-        engine.dispose()
     try:
         with closing(sqlite3.connect(draft)) as database:
             database.execute("PRAGMA journal_mode = DELETE")

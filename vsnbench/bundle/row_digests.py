@@ -174,7 +174,7 @@ def _reading(database: Path) -> "closing[sqlite3.Connection]":
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_CELL_BYTES)
         refuse_foreign_schema(connection, str(database))
         connection.execute("PRAGMA query_only = ON")
-        connection.text_factory = _any_text
+        connection.text_factory = lambda content: content.decode("utf-8", "surrogateescape")  # of damaged text too
     except sqlite3.Error as error:
         raise _unreadable(database, error) from error
     return closing(connection)
@@ -214,11 +214,6 @@ def _encoded(value: object) -> bytes:
     if isinstance(value, bytes):
         return b"b" + value
     return b"t" + value.encode("utf-8", "surrogateescape") if isinstance(value, str) else repr(value).encode()
-
-
-def _any_text(content: bytes) -> str:
-    """Return a text of the database; damaged text may not be UTF-8."""
-    return content.decode("utf-8", "surrogateescape")
 
 
 def _shown(value: Any) -> Any:

@@ -84,12 +84,7 @@ class StoredZipReader:
     """Reads the files of an archive in order; nothing of it is trusted."""
 
     def __init__(self, file: BinaryIO, size_bytes: int) -> None:
-        """Begin to read.
-
-        Args:
-            file: the archive, at its beginning.
-            size_bytes: size of the archive.
-        """
+        """Begin to read an archive at its beginning."""
         self._file = file
         self._size_bytes = size_bytes
         self._directory = _Directory()
@@ -132,8 +127,9 @@ class StoredZipReader:
                 self.altered.append(stored.name)
             self._directory.add(stored, offset)
         self._file.seek(offset)
-        self.directory_altered = self._size_bytes != offset + self._directory.size_bytes(offset)
-        for expected in self._directory.parts(offset):
+        parts = self._directory.parts(offset)
+        self.directory_altered = self._size_bytes != offset + sum(map(len, parts))
+        for expected in parts:
             found = self._file.read(len(expected))
             if len(found) < len(expected) and expected.startswith(found):
                 raise _damaged(f"it is truncated after {last}", "truncated-bundle")
@@ -210,10 +206,6 @@ class _Directory:
         )
         self._entries += name + extra
         self._count += 1
-
-    def size_bytes(self, offset: int) -> int:
-        """Return the size of the directory, for an archive in which it begins at `offset`."""
-        return sum(map(len, self.parts(offset)))
 
     def parts(self, offset: int) -> tuple[bytearray, bytes]:
         """Return the directory and its end, for an archive in which it begins at `offset`."""

@@ -64,10 +64,7 @@ def write_atomic(path: Path, content: bytes, error: type[VsnbenchError] = Record
     try:
         try:
             descriptor = os.open(part, _NEW, 0o666)
-        except (
-            FileNotFoundError,
-            FileExistsError,
-        ):  # no directory, or a leftover file of a dead process
+        except (FileNotFoundError, FileExistsError):  # no directory, or a leftover file of a dead process
             path.parent.mkdir(parents=True, exist_ok=True)
             Path(part).unlink(missing_ok=True)
             descriptor = os.open(part, _NEW, 0o666)
@@ -94,10 +91,7 @@ def _refusal(path: Path, refused: OSError, error: type[VsnbenchError]) -> Vsnben
 def sweep_parts(directory: Path, of: str = "*", *, below: bool = False) -> None:
     """Remove temporary files of dead processes on this machine; files of running processes stay.
 
-    Args:
-        directory: directory to search.
-        of: name, or glob pattern of names, of the final files.
-        below: whether to search all subdirectories too.
+    `of` is the name, or a glob pattern of the names, of the final files.
     """
     with contextlib.suppress(OSError):
         for part in directory.rglob(f".{of}.*{PART}") if below else _parts_in(directory, of):

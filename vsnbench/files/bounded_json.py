@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from typing import Any
 
 LONGEST_INTEGER = 40
@@ -12,12 +11,8 @@ limit, and converting one of 400 digits later raises OverflowError.
 _LONG_INTEGER = re.compile(rf"\d{{{LONGEST_INTEGER + 1}}}")
 
 
-def parse_json(text: str | bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
-    """Return the value of a JSON text.
-
-    Args:
-        text: the JSON text, in UTF-8 if it is bytes.
-        parse_constant: returns the value of `NaN`, `Infinity` and `-Infinity`.
+def parse_json(text: str | bytes) -> Any:
+    """Return the value of a JSON text; bytes are UTF-8.
 
     Raises:
         ValueError: the text is not JSON.
@@ -26,8 +21,8 @@ def parse_json(text: str | bytes, parse_constant: Callable[[str], Any] | None = 
     if isinstance(text, bytes):
         text = text.decode("utf-8")
     if _LONG_INTEGER.search(text) is None:  # the usual case, which C code reads completely
-        return json.loads(text, parse_constant=parse_constant)
-    return json.loads(text, parse_int=_integer, parse_constant=parse_constant)
+        return json.loads(text)
+    return json.loads(text, parse_int=_integer)
 
 
 def _integer(digits: str) -> int | float:

@@ -6,7 +6,6 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 
@@ -18,10 +17,7 @@ class ScratchDirectory:
     """
 
     def __init__(self, purpose: str) -> None:
-        """Create a directory.
-
-        Args:
-            purpose: part of its name.
+        """Create a directory with the purpose in its name.
 
         Raises:
             OSError: the disk is full or not writable.
@@ -44,9 +40,7 @@ class ScratchDirectory:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.remove()
 
 

@@ -4,6 +4,8 @@ import math
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from vsnbench.errors import UsageError
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
@@ -48,15 +50,11 @@ class Messages:
 
     def jpeg(self, number: int, time_ns: int, data: bytes) -> Any:
         """Return a colour image with the recorded compression."""
-        import numpy as np
-
         header = self._header(number, time_ns, CAMERA_FRAME)
         return self._types["sensor_msgs/msg/CompressedImage"](header, "jpeg", np.frombuffer(data, np.uint8))
 
     def depth(self, number: int, time_ns: int, depth_mm: Any) -> Any:
         """Return a depth image (H, W) of uint16 millimetres."""
-        import numpy as np
-
         height, width = depth_mm.shape
         data = np.ascontiguousarray(depth_mm, dtype="<u2").view(np.uint8).ravel()
         header = self._header(number, time_ns, CAMERA_FRAME)
@@ -64,8 +62,6 @@ class Messages:
 
     def camera_info(self, number: int, time_ns: int, camera: Camera) -> Any:
         """Return the calibration of the profile's ideal pinhole camera."""
-        import numpy as np
-
         focal, (cx, cy) = camera.focal_px, camera.center_px
         return self._types["sensor_msgs/msg/CameraInfo"](
             self._header(number, time_ns, CAMERA_FRAME),
@@ -83,8 +79,6 @@ class Messages:
 
     def odometry(self, number: int, time_ns: int, pose: Pose) -> Any:
         """Return odometry relative to the start of the episode."""
-        import numpy as np
-
         nothing = self._types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
         unknown = np.zeros(36)
         there = self._types["geometry_msgs/msg/Pose"](

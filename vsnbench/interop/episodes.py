@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import ValidationError
 from sqlalchemy import Engine
@@ -13,6 +13,8 @@ from sqlalchemy.orm import Session
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
+from vsnbench.results.files.images import StampedPose, tum_line
+from vsnbench.results.goals import goal_text
 from vsnbench.results.reading.blinding import CODE, MODEL_NAME
 from vsnbench.results.reading.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
 from vsnbench.results.schema.engine import record_errors
@@ -87,9 +89,10 @@ def read_episodes(
     """
     query = (
         episodes_of_campaigns(
-            *(Episode, Trial, Campaign, Model, Robot, Site),
-            *(END_REASON, SUCCESS, DISTANCE_M, COUNTS & (Episode.state == EpisodeState.JUDGED.value), CODE),
-            *(Goal.kind, Goal.content),
+            *(Episode, Trial, Campaign, Model, Robot, Site, SUCCESS.label("success")),
+            *(END_REASON.label("end_reason"), DISTANCE_M.label("distance_m"), CODE.label("code")),
+            (COUNTS & (Episode.state == EpisodeState.JUDGED.value)).label("counts"),
+            *(Goal.kind.label("goal_kind"), Goal.content.label("goal_content")),
         )
         .outerjoin(Goal, Goal.id == Trial.goal_id)
         .where(Episode.end_reason.is_not(None))
@@ -102,7 +105,7 @@ def read_episodes(
     if goals:
         query = query.where(Trial.goal.in_(goals))
     with record_errors(engine), Session(engine) as session:
-        found = [_exported(_JoinedRow(*row)) for row in session.execute(query)]
+        found = [_exported(row) for row in session.execute(query)]
     there = {episode.id for episode in found}
     if missing := [str(number) for number in numbers if number not in there]:
         raise UsageError(f"no ended episode {', '.join(missing)}", advice="`vsnbench episodes list` lists the episodes")
@@ -111,26 +114,8 @@ def read_episodes(
     return found
 
 
-class _JoinedRow(NamedTuple):
-    """A row of the query: the episode, what it belongs to, and its judgement."""
-
-    episode: Episode
-    trial: Trial
-    campaign: Campaign
-    model: Model
-    robot: Robot
-    site: Site
-    end_reason: str
-    success: bool | None
-    distance_m: float | None
-    counts: bool
-    code: str | None
-    goal_kind: str | None
-    goal_content: Mapping[str, Any] | None
-
-
-def _exported(row: _JoinedRow) -> ExportedEpisode:
-    episode, trial, campaign, model, robot, site, end_reason, success, distance_m, counts, code, kind, content = row
+def _exported(row: Any) -> ExportedEpisode:
+    episode, trial, model, robot, site, code = row.Episode, row.Trial, row.Model, row.Robot, row.Site, row.code
     return ExportedEpisode(
         id=episode.id,
         model=code or model.name,
@@ -140,20 +125,20 @@ def _exported(row: _JoinedRow) -> ExportedEpisode:
         goal=trial.goal,
         start=trial.start,
         repetition=trial.repetition,
-        end_reason=end_reason,
-        success=success,
-        counts=bool(counts),
+        end_reason=row.end_reason,
+        success=row.success,
+        counts=bool(row.counts),
         actions=episode.actions,
         started_at=episode.started_at,
-        distance_to_goal_m=distance_m,
+        distance_to_goal_m=row.distance_m,
         path_length_m=episode.path_length_m,
         geodesic_start_m=episode.geodesic_start_m,
         geodesic_end_m=episode.geodesic_end_m,
         start_pose=pose_of_columns(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
         images_directory=episode.images_directory,
         camera=_camera(robot.profile),
-        goal_kind=GoalKind(kind or GoalKind.CATEGORY),
-        goal_text=str((content or {}).get("text") or (content or {}).get("category") or ""),
+        goal_kind=GoalKind(row.goal_kind or GoalKind.CATEGORY),
+        goal_text=goal_text(row.goal_content or {}),
         condition={
             "model": code or model.name,
             "weights": "" if code else model.weights_label,
@@ -164,8 +149,8 @@ def _exported(row: _JoinedRow) -> ExportedEpisode:
             "environment": "simulated" if robot.simulated else "real",
             "site": site.name,
             "site_sha256": site.sha256,
-            "protocol": campaign.protocol,
-            "conditions": campaign.conditions,
+            "protocol": row.Campaign.protocol,
+            "conditions": row.Campaign.conditions,
         },
     )
 
@@ -199,7 +184,6 @@ def write_tum(episode: ExportedEpisode, steps: Iterable[StepRecord], path: Path)
         for time_s, pose in poses:
             if pose is None:
                 continue
-            qz, qw = math.sin(pose.heading_rad / 2), math.cos(pose.heading_rad / 2)
-            file.write(f"{time_s:.6f} {pose.x_m:.6f} {pose.y_m:.6f} 0 0 0 {qz:.9f} {qw:.9f}\n")
+            file.write(tum_line(StampedPose(time_s, pose)))
             written += 1
     return written

@@ -2,11 +2,10 @@
 
 import hashlib
 import math
-import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,9 @@ from vsnbench.interop.upstream_log import LoggedEpisode
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.confined_paths import read_confined
+from vsnbench.results.files.images import rgb_path
+from vsnbench.results.files.staged_import import StagedImport, remove_stale_imports
+from vsnbench.results.reading.queries import images_directories
 from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.imports import IMPORTED, ImportedEpisode
@@ -68,36 +70,28 @@ def import_upstream_log(
         RecordError: the record or an image cannot be used.
     """
     plan = _plan([episode.goal for episode in episodes], start, model, site, robot, False, source)
-    with tempfile.TemporaryDirectory(dir=results_directory, prefix=".import-") as folder:
-        staged = [Path(folder) / str(place) for place in range(len(episodes))]
-        for directory, episode in zip(staged, episodes, strict=True):
-            for number, picture in enumerate(episode.pictures, start=1):
-                _stage_picture(picture, directory / "rgb" / f"{number:04d}.jpg")
-        placed: list[Path] = []
-
-        def keep(place: int, directory: str) -> None:
-            target = results_directory / directory
-            placed.append(target)
-            shutil.rmtree(target, ignore_errors=True)  # left by a killed import that never committed its number
-            target.parent.mkdir(parents=True, exist_ok=True)
-            staged[place].rename(target)
-
-        try:
-            return journal.import_campaign(plan, [_logged(episode) for episode in episodes], keep)
-        except BaseException as error:
-            for directory in placed:
-                shutil.rmtree(directory, ignore_errors=True)
-            if isinstance(error, OSError):
-                raise RecordError(f"cannot store the images in {results_directory}: {error.strerror}") from error
-            raise
+    imported = [_logged(episode) for episode in episodes]
+    kept = partial(images_directories, journal.engine)
+    remove_stale_imports(results_directory, kept)
+    with StagedImport(results_directory, kept) as staged:
+        for given, episode in zip(imported, episodes, strict=True):
+            if given.has_images:
+                directory = staged.room_for(given.uuid)
+                for number, picture in enumerate(episode.pictures, start=1):
+                    _stage_picture(picture, rgb_path(directory, number))
+        return journal.import_campaign(plan, imported, staged.place)
 
 
 def _logged(episode: LoggedEpisode) -> ImportedEpisode:
     unknown = MotionResult(completed=True, displacement_m=math.nan, turn_rad=math.nan, duration_s=math.nan)
     moment = episode.started_at or datetime.now(UTC)
+    # The reason for a log that ends without STOP is unknown; an operator decides.
+    reason = EndReason.STOP if episode.stopped else EndReason.ABORTED
+    if len(episode.actions) >= ProtocolParameters().max_actions:
+        reason = EndReason.STEP_LIMIT
     return ImportedEpisode(
         end=EpisodeEnd(
-            end_reason=_end(len(episode.actions), episode.stopped, ProtocolParameters()),
+            end_reason=reason,
             actions=len(episode.actions),
             error="" if episode.stopped else "the imported log ends without STOP",
             ended_at=moment,
@@ -179,13 +173,6 @@ def _plan(
         trials=planned,
         name=f"{model}, imported from {source.name}",
     )
-
-
-def _end(actions: int, stopped: bool, protocol: ProtocolParameters) -> EndReason:
-    if actions >= protocol.max_actions:
-        return EndReason.STEP_LIMIT
-    # The reason for a log that ends without STOP is unknown; an operator decides.
-    return EndReason.STOP if stopped else EndReason.ABORTED
 
 
 def _stage_picture(source: Path, target: Path) -> None:

@@ -19,10 +19,11 @@ from vsnbench.interop.merge_files import FilePlan, Progress, SourceRecord, plan_
 from vsnbench.results.database_url import parse_url, redacted_url, sqlite_path, sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME, LOW_SPACE_BYTES, ResultsDirectory
 from vsnbench.results.files.staged_import import StagedImport, files_below, remove_stale_imports
-from vsnbench.results.merging.plan import MergePlan, NewEpisode, OtherRecord, plan_merge
+from vsnbench.results.merging.episodes import OtherRecord
+from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.queries import images_directories
-from vsnbench.results.schema.engine import open_engine, reading, record_errors
+from vsnbench.results.schema.engine import opened_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, open_record, record_in_memory, upgrade
 from vsnbench.results.writing.journal import Journal
 
@@ -122,12 +123,12 @@ def merge(
         scratch = stack.enter_context(ScratchDirectory("merge")).path
         records = [_opened(stack, other, scratch / str(place)) for place, other in enumerate(others)]
         if not dry_run and _exists(target):
-            _upgrade(target)
+            create_record(target.database_url)
+            with opened_engine(target.database_url) as engine:
+                upgrade(engine)
         with _reading(target) as mine:
             plan = plan_merge(mine, records)
-        sources = [
-            SourceRecord(other.name, other.root_of, record) for other, record in zip(others, records, strict=True)
-        ]
+        sources = [SourceRecord(record, other.root_of) for other, record in zip(others, records, strict=True)]
         files = plan_files(plan, sources, target.path, without_images=without_images, progress=progress)
         without_files = sum(
             1 for episode in plan.new_episodes if episode.images_directory and episode.uuid not in files.arriving
@@ -168,20 +169,11 @@ def _exists(target: ResultsDirectory) -> bool:
     return file is None or file.is_file()
 
 
-def _upgrade(target: ResultsDirectory) -> None:
-    create_record(target.database_url)
-    engine = open_engine(target.database_url)
-    try:
-        upgrade(engine)
-    finally:
-        engine.dispose()
-
-
 @contextmanager
 def _reading(target: ResultsDirectory) -> Iterator[Connection]:
     """Yield a snapshot of the record, or of an empty one if it does not exist."""
     opened = open_record(target.database_url) if _exists(target) else record_in_memory()
-    with opened as engine, record_errors(engine), reading(engine).begin() as connection:
+    with opened as engine, transaction(reading(engine)) as connection:
         yield connection
 
 
@@ -210,9 +202,9 @@ def _write(target: ResultsDirectory, records: Sequence[OtherRecord], merged: Mer
                     progress("copying images", done, files.size_bytes)
             written = 0
 
-            def place(new_episode: NewEpisode, directory: str) -> None:
+            def place(uuid: str, directory: str) -> None:
                 nonlocal written
-                coming.place(new_episode.uuid, directory)
+                coming.place(uuid, directory)
                 written += 1
                 progress("writing episodes", written, len(files.arriving))
 

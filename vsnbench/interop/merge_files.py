@@ -12,8 +12,8 @@ from vsnbench.files.atomic import write_atomic
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.image_set import ImageFault, image_faults
 from vsnbench.results.files.staged_import import files_below
-from vsnbench.results.merging.episodes import step_digests
-from vsnbench.results.merging.plan import MergePlan, NewEpisode, OtherRecord
+from vsnbench.results.merging.episodes import OtherRecord, step_digests
+from vsnbench.results.merging.plan import MergePlan, OtherEpisode
 from vsnbench.values.encoding.image_digest import StepDigests
 
 Progress = Callable[[str, int, int], None]
@@ -27,11 +27,9 @@ _NAMED = 3
 class SourceRecord:
     """A record that is merged."""
 
-    name: str
-    """Display name."""
+    record: OtherRecord
     root_of: Callable[[str], Path | None]
     """Returns the results directory with the files of an episode directory, or None."""
-    record: OtherRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +94,8 @@ def plan_files(
         RecordError: images are missing or damaged, or a record contains a path outside its directory.
     """
     found = FilePlan()
-    absent: list[NewEpisode] = []
-    damaged: list[tuple[NewEpisode, list[ImageFault]]] = []
+    absent: list[OtherEpisode] = []
+    damaged: list[tuple[OtherEpisode, list[ImageFault]]] = []
     total = len(plan.new_episodes) + len(plan.present)
     for done, new_episode in enumerate(plan.new_episodes, start=1):
         copies = [copy for copy in (new_episode, *plan.copies.get(new_episode.uuid, ())) if copy.images_directory]
@@ -150,7 +148,7 @@ def repair_file(results: Path, repair: Repair, file: Path) -> int:
 
 
 def _intact_copy(
-    copies: Sequence[NewEpisode], sources: Sequence[SourceRecord]
+    copies: Sequence[OtherEpisode], sources: Sequence[SourceRecord]
 ) -> tuple[EpisodeFiles | None, list[ImageFault]]:
     """Return the first intact copy, or the faults of the first damaged one."""
     first_faults: list[ImageFault] = []
@@ -166,32 +164,32 @@ def _intact_copy(
     return None, first_faults
 
 
-def _digests(copy: NewEpisode, sources: Sequence[SourceRecord]) -> list[StepDigests]:
+def _digests(copy: OtherEpisode, sources: Sequence[SourceRecord]) -> list[StepDigests]:
     return step_digests(sources[copy.other].record.connection, copy.number)
 
 
 def _refuse(
-    absent: Sequence[NewEpisode],
-    damaged: Sequence[tuple[NewEpisode, list[ImageFault]]],
+    absent: Sequence[OtherEpisode],
+    damaged: Sequence[tuple[OtherEpisode, list[ImageFault]]],
     sources: Sequence[SourceRecord],
 ) -> None:
     if absent:
         first = absent[0]
         raise RecordError(
-            f"{sources[first.other].name} lacks the images of {len(absent)} of its episodes, the first of which is "
-            f"{first.number} ({first.images_directory}); nothing was written",
+            f"{sources[first.other].record.name} lacks the images of {len(absent)} of its episodes, the first of which "
+            f"is {first.number} ({first.images_directory}); nothing was written",
             advice="copy them into its results directory, name the directories of a server's images with --images, or "
             "merge only the numbers with --without-images",
         )
     if damaged:
         raise RecordError(
-            f"{sources[damaged[0][0].other].name} has missing or damaged images of "
-            f"{len(damaged)} of its episodes: {'; '.join(_episode_lines(damaged))}; nothing was written",
+            f"{sources[damaged[0][0].other].record.name} has missing or damaged images of {len(damaged)} of its "
+            f"episodes: {'; '.join(_episode_lines(damaged))}; nothing was written",
             advice="restore the files, merge an intact copy, or merge only the numbers with --without-images",
         )
 
 
-def _episode_lines(damaged: Sequence[tuple[NewEpisode, list[ImageFault]]]) -> Iterator[str]:
+def _episode_lines(damaged: Sequence[tuple[OtherEpisode, list[ImageFault]]]) -> Iterator[str]:
     for new_episode, faults in damaged[:_NAMED]:
         yield f"episode {new_episode.number}: {_in_words(faults)}"
     if len(damaged) > _NAMED:

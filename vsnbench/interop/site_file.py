@@ -1,7 +1,6 @@
 """Writes a site as a YAML file that `load_site` reads back unchanged."""
 
 from pathlib import Path
-from typing import Any
 
 from vsnbench.errors import SiteError
 from vsnbench.files.atomic import write_atomic
@@ -20,7 +19,7 @@ def site_yaml(site: Site) -> str:
     for part in ("rooms", "walls", "doors", "windows", "objects", "starts"):
         if content.get(part):
             lines.append(f"\n{part}:\n")
-            lines += [f"  - {_one_line(entry)}\n" for entry in content[part]]
+            lines += [f"  - {dump_yaml(entry, one_line=True)}\n" for entry in content[part]]
     return "".join(lines)
 
 
@@ -31,7 +30,3 @@ def write_site(site: Site, path: Path) -> None:
         SiteError: the file cannot be written.
     """
     write_atomic(path, site_yaml(site).encode(), SiteError)
-
-
-def _one_line(entry: dict[str, Any]) -> str:
-    return dump_yaml(entry, one_line=True)

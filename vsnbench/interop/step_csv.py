@@ -42,7 +42,7 @@ def write_steps(
                     for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
                 ]
                 recorded_at = step.recorded_at.isoformat() if step.recorded_at else ""
-                said = (step.number, step.raw_action, step.action, step.blocked, recorded_at)
-                writer.writerow((*about, *said, "" if step.stamp_s is None else step.stamp_s, *poses))
+                action = (step.number, step.raw_action, step.action, step.blocked, recorded_at)
+                writer.writerow((*about, *action, "" if step.stamp_s is None else step.stamp_s, *poses))
                 written += 1
     return written

@@ -6,13 +6,12 @@ An episode has a tag if the latest event about it is not its removal. Events are
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Final
 
 from sqlalchemy import ColumnElement, Connection, exists, insert, select
 
 from vsnbench.errors import UsageError
-from vsnbench.results.schema.row_encoding import text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.tables import Episode, Event, Verdict
 from vsnbench.text.sanitize import sanitize
 
@@ -21,7 +20,6 @@ TAGGED: Final = "tagged"
 UNTAGGED: Final = "untagged"
 MAX_NOTE_CHARACTERS: Final = 2000
 _TAG = re.compile(r"[^\W_][\w.:-]{0,39}")
-_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +64,9 @@ def read_annotation(note: str, tags: Sequence[str] = (), removed_tags: Sequence[
 
 
 def annotate(connection: Connection, episode_ids: Collection[int], annotation: Annotation, author: str) -> None:
-    """Append notes and changed tags within a transaction; a tag that is already there, or gone, is not repeated.
+    """Append notes and changed tags within a transaction; see `Journal.annotate`.
 
-    Raises:
-        UsageError: an episode does not exist; nothing was written.
+    A tag that the episode already has, or no longer has, is not repeated.
     """
     known = set(connection.scalars(select(Episode.id).where(Episode.id.in_(list(episode_ids)))))
     if missing := [number for number in episode_ids if number not in known]:
@@ -79,28 +76,24 @@ def annotate(connection: Connection, episode_ids: Collection[int], annotation: A
             code="unknown-episode",
         )
     present = tags_of(connection, episode_ids)
-    now, rows = datetime.now(UTC), []
+    rows = []
     for number in episode_ids:
         tags = present.get(number, ())
         changes = [(NOTE, annotation.note)] if annotation.note else []
         changes += [(TAGGED, tag) for tag in annotation.tags if tag not in tags]
         changes += [(UNTAGGED, tag) for tag in annotation.removed_tags if tag in tags]
-        rows += [
-            {"episode_id": number, "kind": kind, "text": text(words), "author": text(author), "created_at": now}
-            for kind, words in changes
-        ]
+        rows += [event_row(kind, words, author=author, episode_id=number) for kind, words in changes]
     if rows:
         connection.execute(insert(Event), rows)
 
 
 def tags_of(connection: Connection, episode_ids: Iterable[int]) -> dict[int, tuple[str, ...]]:
     """Return the tags of those of these episodes that have some, in alphabetical order."""
-    numbers = sorted(set(episode_ids))
     latest: dict[int, dict[str, bool]] = {}
-    for first in range(0, len(numbers), _AT_ONCE):
+    for some in parts(episode_ids):
         query = (
             select(Event.episode_id, Event.text, Event.kind)
-            .where(Event.episode_id.in_(numbers[first : first + _AT_ONCE]), Event.kind.in_([TAGGED, UNTAGGED]))
+            .where(Event.episode_id.in_(some), Event.kind.in_([TAGGED, UNTAGGED]))
             .order_by(Event.created_at, Event.id)
         )
         for number, tag, kind in connection.execute(query):

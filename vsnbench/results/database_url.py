@@ -39,11 +39,6 @@ def redacted_url(url: str) -> str:
     return parsed.difference_update_query(secrets).render_as_string(hide_password=True)
 
 
-def typed_url(url: str) -> str:
-    """Return a database as an argument of --db, with the password replaced by asterisks."""
-    return url if sqlite_path(url) else redacted_url(url)
-
-
 def without_passwords(text: str) -> str:
     """Return a URL, or an argument that may contain one, with its password hidden, which may contain blanks."""
     return _PARAMETER.sub(_KEPT, _PASSWORD.sub(_KEPT, text))

@@ -1,13 +1,13 @@
 """Definitions of goals in the record: written with the trials, and read with the site that they belong to."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection, select
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.results.schema.row_encoding import Row, find_or_insert
+from vsnbench.results.schema.row_encoding import find_or_insert
 from vsnbench.results.schema.tables import Campaign, Goal, Site, Trial
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.values.goal import GoalKind
@@ -24,13 +24,18 @@ class RecordedGoal:
 
     @property
     def text(self) -> str:
-        """The words of a text goal or an instruction; else empty."""
-        return str(self.content.get("text") or self.content.get("category") or "")
+        """The words of a text goal, an instruction or a category; else empty."""
+        return goal_text(self.content)
 
     @property
     def target_text(self) -> str:
         """What counts as reached, in short."""
         return ", ".join(_target_text(target) for target in self.content.get("targets", ()))
+
+
+def goal_text(content: Mapping[str, Any]) -> str:
+    """Return the words of a recorded definition; empty for other kinds."""
+    return str(content.get("text") or content.get("category") or "")
 
 
 def _target_text(target: Mapping[str, Any]) -> str:
@@ -43,27 +48,19 @@ def _target_text(target: Mapping[str, Any]) -> str:
     return str(target.get("object") or f"every {target.get('category')}")
 
 
-def goal_row(goal: SiteGoal) -> Row:
-    """Return the row of a goal."""
-    image = None if goal.image is None else goal.image.data
-    return {
-        "sha256": goal.sha256,
-        "name": goal.id,
-        "kind": goal.kind.value,
-        "content": goal.content(),
-        "image": image,
-    }
-
-
-def store_goals(connection: Connection, campaign_id: int, goals: Iterable[SiteGoal]) -> dict[str, int]:
-    """Store the definitions of goals, and return their numbers by name.
+def store_goals(
+    connection: Connection, campaign_id: int, goals: Iterable[SiteGoal], names: Collection[str]
+) -> dict[str, int]:
+    """Store those of a site's goals that trials name, and return their numbers by name.
 
     Raises:
-        UsageError: the campaign has trials of another goal with the same name (`goal-changed`).
+        UsageError: the campaign has trials of a goal with the same name and another definition (`goal-changed`).
     """
     recorded = goals_of_campaign(connection, campaign_id)
     numbers = {}
     for goal in goals:
+        if goal.id not in names:
+            continue
         before = recorded.get(goal.id)
         if goal.id in recorded and (before is None or before.sha256 != goal.sha256):
             raise UsageError(
@@ -71,24 +68,17 @@ def store_goals(connection: Connection, campaign_id: int, goals: Iterable[SiteGo
                 advice="give the changed goal another id, so that its trials are not mixed with the others",
                 code="goal-changed",
             )
-        numbers[goal.id] = find_or_insert(connection, Goal, goal_row(goal), "sha256")
-    return numbers
-
-
-def refuse_lost_goals(connection: Connection, campaign_id: int, categories: Iterable[str]) -> None:
-    """Refuse a category whose name was that of a goal in the recorded trials of a campaign.
-
-    Raises:
-        UsageError: there is one (`goal-changed`).
-    """
-    recorded = goals_of_campaign(connection, campaign_id)
-    for name in categories:
-        if recorded.get(name) is not None:
+        row = {"sha256": goal.sha256, "name": goal.id, "kind": goal.kind.value, "content": goal.content()}
+        image = None if goal.image is None else goal.image.data
+        numbers[goal.id] = find_or_insert(connection, Goal, {**row, "image": image}, "sha256")
+    for name in names:
+        if name not in numbers and recorded.get(name) is not None:
             raise UsageError(
                 f"goal {name!r} is a category now, and had a definition in the recorded trials of this campaign",
                 advice="restore the goal in the site file, or give the category another name",
                 code="goal-changed",
             )
+    return numbers
 
 
 def goals_of_campaign(connection: Connection, campaign_id: int) -> dict[str, RecordedGoal | None]:

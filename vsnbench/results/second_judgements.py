@@ -3,9 +3,9 @@
 The latest answer of a rater about an episode counts, unless it was retracted. Merging unites them, as other events.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from typing import Final
 
@@ -13,13 +13,12 @@ from sqlalchemy import Connection, insert, select
 
 from vsnbench.errors import UsageError
 from vsnbench.results.reading.read_model import COUNTS, episodes_of_trials
-from vsnbench.results.schema.row_encoding import text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.tables import Episode, Event, Session, Verdict
 from vsnbench.results.writing.lifecycle import EpisodeState
 
 PERSON: Final = "person"
 _RETRACTED: Final = "second_retracted"
-_AT_ONCE = 500
 
 
 class Outcome(StrEnum):
@@ -71,7 +70,7 @@ def judged_episodes(connection: Connection) -> dict[int, str]:
 def first_judges(connection: Connection, episodes: Collection[int]) -> dict[int, frozenset[str]]:
     """Return who has judged these episodes or was the operator of their session."""
     found: dict[int, set[str]] = {}
-    for some in _parts(episodes):
+    for some in parts(episodes):
         judges = select(Verdict.episode_id, Verdict.author)
         judges = judges.where(Verdict.source == PERSON, Verdict.episode_id.in_(some))
         operators = select(Episode.id, Session.operator).join(Session, Session.id == Episode.session_id)
@@ -83,11 +82,7 @@ def first_judges(connection: Connection, episodes: Collection[int]) -> dict[int,
 
 
 def add_second_judgement(connection: Connection, episode: int, rater: str, outcome: Outcome, words: str) -> None:
-    """Append a rater's answer within a transaction.
-
-    Raises:
-        UsageError: the episode is unknown or awaits its first judgement, or the rater has judged or attended it.
-    """
+    """Append a rater's answer within a transaction; see `Journal.judge_second`."""
     state = connection.scalar(select(Episode.state).where(Episode.id == episode))
     if state is None:
         raise UsageError(
@@ -105,22 +100,18 @@ def add_second_judgement(connection: Connection, episode: int, rater: str, outco
             advice="a second judgement is another person's",
             code="first-judge",
         )
-    _append(connection, episode, f"second_{outcome}", rater, words)
+    connection.execute(insert(Event), event_row(f"second_{outcome}", words, author=rater, episode_id=episode))
 
 
 def retract_second_judgement(connection: Connection, episode: int, rater: str) -> None:
-    """Retract a rater's answer within a transaction; the answer stays in the events.
-
-    Raises:
-        UsageError: there is no answer of this rater.
-    """
+    """Retract a rater's answer within a transaction; the answer stays in the events. See `Journal.retract_second`."""
     if not any(is_same_person(rater, given.rater) for given in second_judgements(connection, [episode])):
         raise UsageError(
             f"episode {episode} has no second judgement by {rater}",
             advice="nothing to retract",
             code="no-second-judgement",
         )
-    _append(connection, episode, _RETRACTED, rater, "")
+    connection.execute(insert(Event), event_row(_RETRACTED, "", author=rater, episode_id=episode))
 
 
 def second_judgements(connection: Connection, episodes: Collection[int] | None = None) -> tuple[SecondJudgement, ...]:
@@ -128,7 +119,7 @@ def second_judgements(connection: Connection, episodes: Collection[int] | None =
     latest: dict[tuple[int, str], SecondJudgement | None] = {}
     query = select(Event.episode_id, Event.kind, Event.author, Event.text, Event.created_at)
     query = query.where(Event.kind.in_([*_KINDS, _RETRACTED]))
-    for some in [None] if episodes is None else _parts(episodes):
+    for some in [None] if episodes is None else parts(episodes):
         part = query if some is None else query.where(Event.episode_id.in_(some))
         for number, kind, rater, words, at in connection.execute(part.order_by(Event.created_at, Event.id)):
             outcome = _KINDS.get(kind)
@@ -136,13 +127,3 @@ def second_judgements(connection: Connection, episodes: Collection[int] | None =
                 given = SecondJudgement(number, rater, outcome, words, at) if outcome is not None else None
                 latest[number, person_key(rater)] = given
     return tuple(given for _, given in sorted(latest.items()) if given is not None)
-
-
-def _append(connection: Connection, episode: int, kind: str, rater: str, words: str) -> None:
-    row = {"episode_id": episode, "kind": kind, "author": text(rater), "text": text(words)}
-    connection.execute(insert(Event), row | {"created_at": datetime.now(UTC)})
-
-
-def _parts(numbers: Iterable[int]) -> list[list[int]]:
-    ordered = sorted(numbers)
-    return [ordered[first : first + _AT_ONCE] for first in range(0, len(ordered), _AT_ONCE)]

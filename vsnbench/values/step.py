@@ -1,6 +1,6 @@
 """One recorded step: the same value for writing, viewing and reading."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -64,3 +64,14 @@ class StepRecord:
     def after(self) -> Pose | None:
         """Odometry after the motion, relative to the start; unchanged for a blocked action."""
         return self.result.pose if self.result else self.observed
+
+
+def driven_path(start: Pose, steps: Iterable[StepRecord]) -> list[Pose]:
+    """Return the start and the pose after each step in the site; from odometry where that pose is unknown."""
+    poses = [start]
+    for step in steps:
+        if step.world is not None:
+            poses.append(step.world.pose)
+        else:
+            poses.append(poses[-1] if step.after is None else start.compose(step.after))
+    return poses

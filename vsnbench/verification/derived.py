@@ -12,7 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from vsnbench.bundle.derived_files import STUDY_FILE, write_derived_files
+from vsnbench.bundle.derived_files import write_derived_files
 from vsnbench.files.bounded_json import parse_json
 from vsnbench.study.lock import LockNote
 from vsnbench.verification.checks import Check, Finding, Progress, finding
@@ -27,12 +27,7 @@ _TOLERANCE = 1e-9
 def check_derived_files(bundle: Path, results: Path, scratch: Path, note: LockNote | None, progress: Progress) -> Check:
     """Write the report, tables and conditions of a bundle again, and compare them with those in it.
 
-    Args:
-        bundle: directory of the bundle.
-        results: directory with a copy of its database.
-        scratch: directory for the files.
-        note: lock note of the study in the bundle, if there is one.
-        progress: receives the progress.
+    `results` has a copy of its database; the files are written to `scratch`.
     """
     check = Check("report", "tables")
     with check.failing("report"):
@@ -127,8 +122,3 @@ def _lines(name: str, stored: Path, made: Path) -> Iterator[Finding]:
         if line != now:
             yield finding(f"{name} line {number}", f"{str(line)[:100]!r}, and the record gives {str(now)[:100]!r}")
             return
-
-
-def study_note_path(bundle: Path) -> Path:
-    """Return the path of the study file in a bundle, next to which its lock note is."""
-    return bundle / STUDY_FILE

@@ -41,30 +41,31 @@ def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check,
     check = Check("verdicts", "episodes")
     people: Counter[str] = Counter()
     with check.failing("the record"):
-        _judge_all(record, check, people, progress)
+        episodes = record.episodes()
+        for done, episode in enumerate(episodes, start=1):
+            with check.failing(f"episode {episode.id}"):
+                verdicts = record.verdicts(episode.id)
+                people.update(verdict.author for verdict in verdicts if verdict.source == "person")
+                _check_episode(record, episode, verdicts, check)
+            progress("judging episodes", done, len(episodes))
+        seconds = Counter(second.rater for second in second_judgements(record.connection))
+        check.notes += [
+            f"judged a second time, by a person: {counted(n, 'episode')} by {rater}"
+            for rater, n in sorted(seconds.items())
+        ]
     return check, dict(people)
 
 
-def _judge_all(record: VerifiedRecord, check: Check, people: Counter[str], progress: Progress) -> None:
-    episodes = record.episodes()
-    for done, episode in enumerate(episodes, start=1):
-        with check.failing(f"episode {episode.id}"):
-            verdicts = record.verdicts(episode.id)
-            people.update(verdict.author for verdict in verdicts if verdict.source == "person")
-            if episode.state not in ENDED:
-                check.skip("not ended")
-            elif episode.origin == IMPORTED:
-                check.skip("imported from another tool: no poses to judge")
-            else:
-                found = _EpisodeCheck(record, episode, verdicts)
-                check.add(list(found.findings()))
-                if found.other_wording:
-                    check.not_checked["wording of a verdict: written by another version"] += 1
-        progress("judging episodes", done, len(episodes))
-    seconds = Counter(second.rater for second in second_judgements(record.connection))
-    check.notes += [
-        f"judged a second time, by a person: {counted(n, 'episode')} by {rater}" for rater, n in sorted(seconds.items())
-    ]
+def _check_episode(record: VerifiedRecord, episode: Row[Any], verdicts: Sequence[Row[Any]], check: Check) -> None:
+    if episode.state not in ENDED:
+        check.skip("not ended")
+    elif episode.origin == IMPORTED:
+        check.skip("imported from another tool: no poses to judge")
+    else:
+        found = _EpisodeCheck(record, episode, verdicts)
+        check.add(list(found.findings()))
+        if found.other_wording:
+            check.skip("wording of a verdict: written by another version")
 
 
 class _EpisodeCheck:
@@ -184,8 +185,7 @@ class _EpisodeCheck:
             if self.condition.site is None:
                 raise ValueError("its site is invalid")
             distance = distance_to_goal(self.condition.site, self.episode.goal, self.final, self.parameters)
-            recorded = self._distance(self.episode, "distance_to_goal_m")
-            yield from self._distances("episode", self.episode.id, distance, recorded, "distance_to_goal_m")
+            yield from self._distances("episode", self.episode, distance, "distance_to_goal_m")
         expected = judge(reason, self.episode.actions, distance, self.parameters)
         yield from self._against(given, expected)
         if self.condition.is_simulated_here and given.source == "protocol" and given.proposed:
@@ -199,8 +199,7 @@ class _EpisodeCheck:
                 "verdict", given.id, "end_reason", f"{given.end_reason}, and the judge gives {expected.end_reason}"
             )
         if expected.distance is not None:
-            recorded = self._distance(given, "distance_m")
-            yield from self._distances("verdict", given.id, expected.distance, recorded, "distance_m")
+            yield from self._distances("verdict", given, expected.distance, "distance_m")
         if given.reason != expected.text and given.source == "protocol":
             if self.episode.vsnbench_version == __version__:
                 yield cell("verdict", given.id, "reason", f"{given.reason!r}, and the judge gives {expected.text!r}")
@@ -208,22 +207,18 @@ class _EpisodeCheck:
                 self.other_wording = True
 
     @staticmethod
-    def _distance(row: Row[Any], column: str) -> tuple[Any, ...]:
-        return getattr(row, column), row.distance_source, row.goal_instance, row.goal_in_sight
-
-    def _distances(
-        self, table: str, number: int, expected: GoalDistance, recorded: tuple[Any, ...], column: str
-    ) -> Iterator[Finding]:
-        distance_m, source, instance, in_sight = recorded
+    def _distances(table: str, row: Row[Any], expected: GoalDistance, column: str) -> Iterator[Finding]:
+        distance_m = getattr(row, column)
         if distance_m is None or not math.isclose(distance_m, expected.distance_m, abs_tol=_TOLERANCE):
-            yield cell(table, number, column, f"{distance_m}, and the poses give {expected.distance_m:.6f} m")
-        if source != expected.source:
-            yield cell(table, number, "distance_source", f"{source}, and the final pose is {expected.source}")
-        if instance != expected.instance:
-            yield cell(table, number, "goal_instance", f"{instance}, and the nearest is {expected.instance}")
+            yield cell(table, row.id, column, f"{distance_m}, and the poses give {expected.distance_m:.6f} m")
+        if row.distance_source != expected.source:
+            text = f"{row.distance_source}, and the final pose is {expected.source}"
+            yield cell(table, row.id, "distance_source", text)
+        if row.goal_instance != expected.instance:
+            yield cell(table, row.id, "goal_instance", f"{row.goal_instance}, and the nearest is {expected.instance}")
         # Records of the first protocol have no value.
-        if in_sight is not None and in_sight != expected.in_sight:
-            yield cell(table, number, "goal_in_sight", f"{in_sight}, and the site gives {expected.in_sight}")
+        if row.goal_in_sight is not None and row.goal_in_sight != expected.in_sight:
+            yield cell(table, row.id, "goal_in_sight", f"{row.goal_in_sight}, and the site gives {expected.in_sight}")
 
     def _state(self) -> Iterator[Finding]:
         judged = [verdict for verdict in self.verdicts if not verdict.proposed]

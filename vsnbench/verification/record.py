@@ -3,12 +3,11 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, Row, select
+from sqlalchemy import Connection, Engine, Row, select
 
 from vsnbench.errors import RecordError
 from vsnbench.protocol.disturbances import DISTURBANCES, Disturbance, Disturbances
@@ -16,9 +15,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.results.goals import with_goals
-from vsnbench.results.schema.backup import backup
-from vsnbench.results.schema.engine import open_engine, record_errors
-from vsnbench.results.schema.migrate import schema_state, upgrade
+from vsnbench.results.merging.sources import copy_record
+from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.results.writing.judging import RETRACTED
 from vsnbench.results.writing.steps import step_of_row
@@ -58,15 +56,15 @@ class RecordedCondition:
 class VerifiedRecord:
     """An untrusted record that is open for reading."""
 
-    def __init__(self, results: Path, database: Path, connection: Connection) -> None:
+    def __init__(self, results: Path, engine: Engine, connection: Connection) -> None:
         self.results = results
         """Results directory with the images; nothing is written there."""
-        self.url = sqlite_url(database)
-        """The private copy."""
+        self.engine = engine
+        """Engine of the private copy."""
         self.connection = connection
         self._conditions: dict[int, RecordedCondition] = {}
 
-    @cached_property
+    @property
     def versions(self) -> tuple[str, ...]:
         """Versions of vsnbench that wrote the record."""
         return tuple(sorted(map(str, set(self.connection.scalars(select(Process.vsnbench_version))))))
@@ -155,20 +153,6 @@ def open_copy(results: Path, scratch: Path) -> Iterator[VerifiedRecord]:
             advice="name a results directory, or a bundle of `vsnbench bundle`",
             code="no-record",
         )
-    backup(sqlite_url(source), copy)
-    url = sqlite_url(copy)
-    engine = open_engine(url)
-    try:
-        if schema_state(engine).current is None:
-            raise RecordError(f"{results} contains no record")
-        upgrade(engine, is_copy=True)
-    except RecordError as error:
-        raise RecordError(error.statement.replace(str(copy), str(source)), advice=error.advice) from error
-    finally:
-        engine.dispose()
-    engine = open_engine(url, read_only=True)
-    try:
-        with record_errors(engine), engine.connect() as connection, connection.begin():
-            yield VerifiedRecord(results, copy, connection)
-    finally:
-        engine.dispose()
+    copy_record(sqlite_url(source), str(source), copy)
+    with opened_engine(sqlite_url(copy), read_only=True) as engine, transaction(engine) as connection:
+        yield VerifiedRecord(results, engine, connection)

@@ -47,46 +47,33 @@ _WITHOUT_WEIGHTS = frozenset({"random", "forward", "oracle", "oracle-waypoints"}
 
 
 def check_replay(record: VerifiedRecord, limit: int | None, progress: Progress) -> Check:
-    """Drive simulated episodes again.
-
-    Args:
-        record: the record.
-        limit: number of episodes, spread evenly over the record; None for all.
-        progress: receives the progress.
-    """
+    """Drive simulated episodes again: all, or a number of them, spread evenly over the record."""
     check = Check("replay", "episodes")
     with check.failing("the record"):
-        _replay_all(record, check, limit, progress)
+        candidates = list(_candidates(record, check))
+        count = len(candidates) if limit is None else min(limit, len(candidates))
+        if count < len(candidates):
+            check.skip("not asked for (--replay all)", len(candidates) - count)
+        compute_with_one_thread()
+        robots: dict[int, SimulatedRobot] = {}
+        for done in range(count):
+            episode = candidates[done * len(candidates) // count]
+            with check.failing(f"episode {episode.id}"):
+                condition = record.condition(episode.campaign_id)
+                if condition.id not in robots:
+                    robots = {condition.id: _robot(condition)}
+                check.add(list(_replay(robots[condition.id], condition, episode, record.steps(episode.id))))
+            progress("driving episodes again", done + 1, count)
     return check
 
 
-def _replay_all(record: VerifiedRecord, check: Check, limit: int | None, progress: Progress) -> None:
-    candidates = []
+def _candidates(record: VerifiedRecord, check: Check) -> Iterator[Row[Any]]:
     for episode in record.episodes():
         with check.failing(f"episode {episode.id}"):
-            reason = _obstacle(episode, record.condition(episode.campaign_id))
-            if reason:
+            if reason := _obstacle(episode, record.condition(episode.campaign_id)):
                 check.skip(reason)
             else:
-                candidates.append(episode)
-    chosen = _spread(candidates, limit)
-    if len(chosen) < len(candidates):
-        check.skip("not asked for (--replay all)", len(candidates) - len(chosen))
-    compute_with_one_thread()
-    robots: dict[int, SimulatedRobot] = {}
-    for done, episode in enumerate(chosen, start=1):
-        with check.failing(f"episode {episode.id}"):
-            condition = record.condition(episode.campaign_id)
-            if condition.id not in robots:
-                robots = {condition.id: _robot(condition)}
-            check.add(list(_replay(robots[condition.id], condition, episode, record.steps(episode.id))))
-        progress("driving episodes again", done, len(chosen))
-
-
-def _spread(candidates: Sequence[Row[Any]], limit: int | None) -> list[Row[Any]]:
-    if limit is None or limit >= len(candidates):
-        return list(candidates)
-    return [candidates[place * len(candidates) // limit] for place in range(limit)]
+                yield episode
 
 
 def _obstacle(episode: Row[Any], condition: RecordedCondition) -> str:

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
 
-from sqlalchemy import Engine, select
+from sqlalchemy import select
 
-from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.tables import Verdict
 from vsnbench.results.studies.entries import OVER, RecordedStudy, StudyTrialProgress
 from vsnbench.results.studies.evidence import read_evidence
@@ -21,37 +20,25 @@ from vsnbench.verification.record import VerifiedRecord
 
 
 def check_studies(record: VerifiedRecord, note: LockNote | None, progress: Progress) -> Check:
-    """Compare each study with its lock, its log and its random draw, and make its decisions again.
-
-    Args:
-        record: the record.
-        note: lock note of its study, if there is one.
-        progress: receives the progress.
-    """
+    """Compare each study with its lock, its log and its random draw, and make its decisions again."""
     check = Check("studies", "studies")
-    engine = open_engine(record.url, read_only=True)
-    try:
-        with check.failing("the studies"):
-            known = studies(engine)
-            for done, recorded in enumerate(known, start=1):
-                with check.failing(f"study {recorded.id}"):
-                    _check_study(record, engine, recorded, note, check)
-                progress("checking studies", done, len(known))
-    finally:
-        engine.dispose()
+    with check.failing("the studies"):
+        known = studies(record.engine)
+        for done, recorded in enumerate(known, start=1):
+            with check.failing(f"study {recorded.id}"):
+                _check_study(record, recorded, note, check)
+            progress("checking studies", done, len(known))
     return check
 
 
-def _check_study(
-    record: VerifiedRecord, engine: Engine, recorded: RecordedStudy, note: LockNote | None, check: Check
-) -> None:
+def _check_study(record: VerifiedRecord, recorded: RecordedStudy, note: LockNote | None, check: Check) -> None:
     where = f"study {recorded.id}"
     plan = parse_study(recorded.content, f"the plan of {where}")
-    found = check_integrity(recorded, read_evidence(engine, recorded.id), plan, note)
+    found = check_integrity(recorded, read_evidence(record.engine, recorded.id), plan, note)
     for remark in found.remarks:
         check.skip(remark)
     findings = [finding(where, difference) for difference in found.differences]
-    check.add([*findings, *_stopping(record, recorded, plan, trials_of(engine, recorded.id))])
+    check.add([*findings, *_stopping(record, recorded, plan, trials_of(record.engine, recorded.id))])
 
 
 def _stopping(

@@ -1,10 +1,11 @@
 """Checks every value of a record: its type and range, references, and the hashes that rows have of their content."""
 
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from typing import Any
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, func, inspect, select, text
+from sqlalchemy import func, inspect, select, text
 
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.reading.integrity import record_faults
@@ -24,9 +25,12 @@ _IMPORTED = "names only, from an import (hashes)"
 def check_values(record: VerifiedRecord, progress: Progress) -> Check:
     """Check every row of every table."""
     check = Check("values", "rows")
-    with check.failing("the database"):
-        _count_rows(record.connection, check)
     connection = record.connection
+    with check.failing("the database"):
+        there = set(inspect(connection).get_table_names())
+        for table in Base.metadata.sorted_tables:
+            if table.name in there:
+                check.checked += connection.scalar(select(func.count()).select_from(table)) or 0
     with check.failing("the database"):
         found = [_as_finding(fault) for fault in record_faults(connection)]
         check.findings += found
@@ -45,13 +49,6 @@ def check_values(record: VerifiedRecord, progress: Progress) -> Check:
                     check.failed += 1
         progress("checking values", done, 5)
     return check
-
-
-def _count_rows(connection: Connection, check: Check) -> None:
-    there = set(inspect(connection).get_table_names())
-    for table in Base.metadata.sorted_tables:
-        if table.name in there:
-            check.checked += connection.scalar(select(func.count()).select_from(table)) or 0
 
 
 def _as_finding(fault: str) -> Finding:
@@ -92,21 +89,11 @@ def _robots(record: VerifiedRecord) -> Iterator[Finding | str]:
 
 def _models(record: VerifiedRecord) -> Iterator[Finding | str]:
     for row in _rows(record, Model):
-        identity = ModelIdentity(
-            name=row.name,
-            weights_sha256=row.weights_sha256,
-            settings=row.settings,
-            surveyed=row.surveyed,
-            files=row.files,
-            code=row.code,
-        )
-        if identity.sha256 != row.sha256:
+        if ModelIdentity.of_row(row).sha256 != row.sha256:
             yield cell("model", row.id, "sha256", "name, weights, settings, files and code have another hash")
 
 
 def _goals(record: VerifiedRecord) -> Iterator[Finding | str]:
-    from hashlib import sha256
-
     for row in _rows(record, Goal):
         goal = SiteGoal.model_validate(row.content)
         if goal.sha256 != row.sha256:

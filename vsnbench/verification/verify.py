@@ -3,13 +3,13 @@
 Nothing is written there, nothing in it is executed, and no network is used.
 """
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from vsnbench import __version__
 from vsnbench.bundle.archive import FORMAT_FILE, OpenBundle, open_bundle
+from vsnbench.bundle.derived_files import STUDY_FILE
 from vsnbench.bundle.row_digests import ROW_DIGESTS, changed_rows
 from vsnbench.bundle.signatures import check_signatures
 from vsnbench.errors import RecordError, VsnbenchError
@@ -17,7 +17,7 @@ from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.study.lock import LockNote, read_note
 from vsnbench.verification.checks import Check, Progress, Verification, finding
-from vsnbench.verification.derived import check_derived_files, study_note_path
+from vsnbench.verification.derived import check_derived_files
 from vsnbench.verification.files import check_files
 from vsnbench.verification.judgements import check_judgements
 from vsnbench.verification.record import VerifiedRecord, open_copy
@@ -37,12 +37,7 @@ class VerifyOptions:
 
 
 def verify(path: Path, progress: Progress, options: VerifyOptions | None = None) -> Verification:
-    """Verify a bundle or a results directory.
-
-    Args:
-        path: the bundle, as a file or unpacked, or the results directory.
-        progress: called with the kind of work, the amount done and the total.
-        options: further checks.
+    """Verify a bundle, as a file or unpacked, or a results directory.
 
     Raises:
         RecordError: it is neither, or cannot be opened at all.
@@ -54,32 +49,21 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
     with ScratchDirectory("verify") as scratch, ExitStack() as stack:
         if path.is_dir() and not (path / FORMAT_FILE).exists():
             record = stack.enter_context(open_copy(path, scratch.path))
-            return _verification(path, [], record, _record_checks(record, None, options, progress))
+            checks, people = _record_checks(record, None, options, progress)
+            return Verification(str(path), __version__, record.versions, tuple(checks), people)
         progress("comparing hashes", 0, 1)
         bundle = open_bundle(path, scratch.path / "bundle")
         progress("comparing hashes", 1, 1)
-        checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
-        opened: list[VerifiedRecord] = []
-        broken = Check("record", "databases")
-        with broken.failing(f"results/{DATABASE_NAME}"):
-            opened.append(stack.enter_context(open_copy(bundle.results, scratch.path)))
-        if not opened:
-            return _verification(path, [*checks, broken], None)
-        record = opened[0]
-        note = _note(bundle, checks[0])
-        own = _record_checks(record, note, options, progress)
-        own[0].append(check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress))
-        return _verification(path, checks, record, own)
-
-
-def _verification(
-    path: Path,
-    checks: Sequence[Check],
-    record: VerifiedRecord | None,
-    own: tuple[Sequence[Check], dict[str, int]] = ((), {}),
-) -> Verification:
-    versions = record.versions if record is not None else ()
-    return Verification(str(path), __version__, versions, (*checks, *own[0]), own[1])
+        archive_checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
+        opening = Check("record", "databases")
+        with opening.failing(f"results/{DATABASE_NAME}"):
+            record = stack.enter_context(open_copy(bundle.results, scratch.path))
+        if opening.failed:
+            return Verification(str(path), __version__, (), (*archive_checks, opening), {})
+        note = _note(bundle, archive_checks[0])
+        checks, people = _record_checks(record, note, options, progress)
+        derived = check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress)
+        return Verification(str(path), __version__, record.versions, (*archive_checks, *checks, derived), people)
 
 
 def _record_checks(
@@ -138,7 +122,7 @@ def _signature_checks(bundle: OpenBundle, signers: Path | None) -> list[Check]:
 
 def _note(bundle: OpenBundle, hashes: Check) -> LockNote | None:
     try:
-        return read_note(study_note_path(bundle.directory))
+        return read_note(bundle.directory / STUDY_FILE)
     except VsnbenchError as error:
         hashes.findings.append(finding("study", str(error)))
         return None

@@ -36,12 +36,6 @@ def write_video(
 
     All of them begin together, with one action per frame.
 
-    Args:
-        replays: the episodes.
-        path: the MP4 file.
-        wanted: size and speed.
-        progress: called with the frames written and all frames.
-
     Returns:
         The number of frames.
 
@@ -71,20 +65,14 @@ def write_video(
 
 
 def _panels(replays: Sequence[EpisodeReplay], width: int, height: int) -> list[EpisodePanel]:
-    text = max(11, round(height / 40))
-    if len(replays) == 1:
-        return [EpisodePanel(replays[0], Area(0, 0, width, height), PanelStyle(text))]
-    if len(replays) == 2:
-        half = width // 2
-        style = PanelStyle(round(text * 0.8))
-        return [
-            EpisodePanel(replay, Area(place * half, 0, half, height), style) for place, replay in enumerate(replays)
-        ]
-    columns = math.ceil(math.sqrt(len(replays)))
-    rows = math.ceil(len(replays) / columns)
-    cell = width // columns, height // rows
-    style = PanelStyle(max(9, round(min(cell) / 16)), details=False)
+    count, text = len(replays), max(11, round(height / 40))
+    columns = count if count <= 2 else math.ceil(math.sqrt(count))
+    cell = width // columns, height // math.ceil(count / columns)
+    if count <= 2:
+        style, margin = PanelStyle(text if count == 1 else round(text * 0.8)), 0
+    else:
+        style, margin = PanelStyle(max(9, round(min(cell) / 16)), details=False), 2
     return [
-        EpisodePanel(replay, Area(place % columns * cell[0], place // columns * cell[1], *cell).inset(2), style)
+        EpisodePanel(replay, Area(place % columns * cell[0], place // columns * cell[1], *cell).inset(margin), style)
         for place, replay in enumerate(replays)
     ]

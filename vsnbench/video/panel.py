@@ -10,7 +10,7 @@ from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.text.sanitize import counted
 from vsnbench.values.encoding.images import decode_picture
 from vsnbench.values.movement import movement_text
-from vsnbench.values.pose import Pose
+from vsnbench.values.step import driven_path
 from vsnbench.video.canvas import FAINT, INK, Area, Canvas, Image, Rgb
 from vsnbench.video.plan import PATH_RGB, PlanPicture
 from vsnbench.viewer.replay import EpisodeReplay
@@ -51,7 +51,7 @@ class EpisodePanel:
                 advice="episodes recorded with `--keep none`, and some imported ones, cannot become a video",
                 code="no-images",
             )
-        self._path = _path(replay, self._steps)
+        self._path = driven_path(replay.header.begin.pose, (entry.step for entry in self._steps))
         self._camera = _Camera(self._steps)
         title, line = round(style.text * 2.2), round(style.text * 1.7)
         self._title = Area(area.left + style.text, area.top, area.width - 2 * style.text, title)
@@ -161,21 +161,6 @@ class _Camera:
             if bgr is not None:
                 self._shown = np.ascontiguousarray(bgr[..., ::-1])
         return self._shown
-
-
-def _path(replay: EpisodeReplay, steps: list[StepEntry]) -> list[Pose]:
-    """Return the pose before each step and at the end; from odometry where the pose in the site is unknown."""
-    begin = replay.header.begin.pose
-    poses = [begin]
-    for entry in steps:
-        step = entry.step
-        if step.world is not None:
-            poses.append(step.world.pose)
-        elif step.after is not None:
-            poses.append(begin.compose(step.after))
-        else:
-            poses.append(poses[-1])
-    return poses
 
 
 def _action(entry: StepEntry) -> str:

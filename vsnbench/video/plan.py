@@ -22,12 +22,7 @@ class PlanPicture:
         self._robot_radius_m = robot_radius_m
 
     def draw(self, path: list[Pose], color: Rgb = PATH_RGB) -> Image:
-        """Return the plan with a path and the robot at its end.
-
-        Args:
-            path: poses in the site's frame, at least one.
-            color: colour of the robot.
-        """
+        """Return the plan with a path in the site's frame, at least one pose, and the robot in a colour at its end."""
         import cv2
 
         picture = self._base.copy()

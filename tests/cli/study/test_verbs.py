@@ -6,6 +6,7 @@ import re
 import signal
 import sqlite3
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -217,7 +218,7 @@ def test_a_robot_in_another_session_of_the_study_is_refused_with_its_operator(
         "no other process runs the study, so the robot's error is shown"
     )
     study = open_study(Path("study.yaml"), None, None)
-    with Journal.open(study.results.database_url, gather_provenance("Ada")) as journal:
+    with Journal.open(study.results.database_url, replace(gather_provenance(), operator="Ada")) as journal:
         journal.note_in_study(study.recorded.id, SESSION, "Ada")
         refused = lab("run")
     assert refused.code == 2

@@ -11,7 +11,7 @@ from vsnbench.results.files.images import (
     depth_path,
     hash_images,
     rgb_path,
-    write_trajectory,
+    trajectory_text,
 )
 from vsnbench.values.camera import Camera
 from vsnbench.values.encoding.image_digest import depth_digest, rgb_digest
@@ -83,7 +83,7 @@ def test_without_depth_there_is_no_depth_image(tmp_path: Path) -> None:
 
 
 def test_a_trajectory_is_in_tum_format(tmp_path: Path) -> None:
-    write_trajectory(tmp_path / "trajectory.tum", [StampedPose(1.5, Pose(1.0, -2.0, np.pi / 2))])
+    (tmp_path / "trajectory.tum").write_text(trajectory_text([StampedPose(1.5, Pose(1.0, -2.0, np.pi / 2))]))
     numbers = np.loadtxt(tmp_path / "trajectory.tum")
     assert numbers == pytest.approx([1.5, 1.0, -2.0, 0, 0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 

@@ -161,7 +161,7 @@ def test_a_migration_that_fails_half_way_leaves_nothing_behind(
         migrate.upgrade(open_engine(url))
     engine = open_engine(url)
     assert "half" not in inspect(engine).get_table_names()
-    assert migrate.schema_state(engine).pending == ("9999",)
+    assert not migrate.schema_state(engine).up_to_date
 
 
 def test_a_migration_that_orphans_rows_is_refused_and_undone(
@@ -235,7 +235,7 @@ def test_what_ran_where_nobody_can_look_holds_up_an_upgrade_as_long_as_its_lease
         migrate.upgrade(engine)
     with engine.begin() as connection:
         connection.execute(text("UPDATE episode SET lease_until = now() - interval '1 second'"))
-    assert migrate.upgrade(engine).pending == ("9999",)
+    assert not migrate.upgrade(engine).up_to_date
 
 
 def test_somebody_elses_database_is_left_alone(sqlite: str, tmp_path: Path) -> None:

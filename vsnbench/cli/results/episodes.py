@@ -131,8 +131,7 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
         UsageError: there is one.
     """
     from vsnbench.models.names import known_models
-    from vsnbench.results.reading.queries import campaign_states, count_episodes
-    from vsnbench.results.reading.recorded_names import recorded_goals, recorded_models
+    from vsnbench.results.reading.queries import campaign_states, count_episodes, recorded_goals, recorded_models
     from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.sites.categories import GOAL_CATEGORIES
     from vsnbench.text.suggestions import unknown_name

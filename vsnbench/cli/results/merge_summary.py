@@ -17,8 +17,8 @@ def merge_fields(merged: MergeResult, *, dry_run: bool) -> dict[str, Any]:
         "dry_run": dry_run,
         "others": [other.name for other in merged.others],
         "new_episodes": len(plan.new_episodes),
-        "new_campaigns": plan.campaigns,
-        "new_trials": plan.trials,
+        "new_campaigns": len(plan.new_campaigns),
+        "new_trials": sum(map(len, plan.new_trials.values())),
         "new_studies": plan.studies.new,
         "new_entries_of_studies": plan.studies.entries,
         "studies_no_longer_blind": [revealed.study["title"] for revealed in plan.studies.revealed],
@@ -40,7 +40,7 @@ def print_merged(merged: MergeResult, target: ResultsDirectory, *, dry_run: bool
     here = safe(str(target.path))
     if plan.changes:
         parts = [counted(len(plan.new_episodes), "new episode")]
-        parts += [counted(plan.campaigns, "new campaign")] if plan.campaigns else []
+        parts += [counted(len(plan.new_campaigns), "new campaign")] if plan.new_campaigns else []
         parts += [counted(plan.studies.new, "new study", "new studies")] if plan.studies.new else []
         count = merged.files.file_count
         parts += [f"{counted(count, 'file')} ({_size(merged.files.size_bytes)})"] if count else []

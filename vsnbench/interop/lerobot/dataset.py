@@ -151,9 +151,8 @@ class _Writer:
     def write(self) -> None:
         frames = sum(map(len, self._episodes))
         self._write_videos(frames)
-        self._write_data()
-        whole = self._columns_of_all()
-        statistics = {name: vector_statistics(values) for name, values in whole.items()}
+        each = self._write_data()
+        statistics = {name: vector_statistics(np.concatenate([part[name] for part in each])) for name in each[0]}
         for key, counts in self._total.items():
             statistics[key] = image_statistics(counts, frames, _full_scale(key))
         write_metadata(
@@ -191,11 +190,12 @@ class _Writer:
                 }
                 began = ended
 
-    def _write_data(self) -> None:
+    def _write_data(self) -> list[dict[str, npt.NDArray[Any]]]:
+        """Write the data files, and return the numbers of each episode by feature."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        schema, first = arrow_schema(self._features), 0
+        schema, first, each = arrow_schema(self._features), 0, []
         sizes = [
             len(episode) * _ROW_BYTES + (episode.depth.content_bytes if episode.depth is not None else 0)
             for episode in self._episodes
@@ -207,7 +207,9 @@ class _Writer:
             with pq.ParquetWriter(path, schema, compression="snappy") as writer:
                 for number in members:
                     frames, written = self._episodes[number], self._written[number]
-                    numbers = self._columns(number, first)
+                    task = self._tasks.index(frames.task)
+                    numbers = columns(frames, episode_index=number, first_index=first, task_index=task)
+                    each.append(numbers)
                     written.statistics |= {name: vector_statistics(values) for name, values in numbers.items()}
                     values: dict[str, Any] = {
                         name: array.tolist() if array.ndim > 1 else array for name, array in numbers.items()
@@ -225,6 +227,7 @@ class _Writer:
                         "dataset_to_index": first + len(frames),
                     }
                     first += len(frames)
+        return each
 
     def _depth_files(self, number: int, images: RecordedImages) -> list[dict[str, Any]]:
         """Return the PNG files as they are; decoding them is for the statistics."""
@@ -244,17 +247,6 @@ class _Writer:
             self._written[number].statistics[key] = image_statistics(counts, len(images.numbers), _full_scale(key))
             self._total[key] = self._total[key] + counts if key in self._total else counts
 
-    def _columns(self, number: int, first: int) -> dict[str, npt.NDArray[Any]]:
-        frames = self._episodes[number]
-        task = self._tasks.index(frames.task)
-        return columns(frames, episode_index=number, first_index=first, task_index=task)
-
-    def _columns_of_all(self) -> dict[str, npt.NDArray[Any]]:
-        each = [
-            self._columns(number, written.row["dataset_from_index"]) for number, written in enumerate(self._written)
-        ]
-        return {name: np.concatenate([of_episode[name] for of_episode in each]) for name in each[0]}
-
 
 def _full_scale(key: str) -> float:
     """Colours are from 0 to 1 in the statistics; depth is in millimetres."""
@@ -262,11 +254,7 @@ def _full_scale(key: str) -> float:
 
 
 def _decoded(images: RecordedImages, frame: int, shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    """Return the pixels of an image: (H, W, 3) RGB of 8 bits, or (H, W) depth of 16 bits.
-
-    Raises:
-        RecordError: it is damaged, or of another kind.
-    """
+    """Return the pixels of an image: (H, W, 3) RGB of 8 bits, or (H, W) depth of 16 bits."""
     import cv2
 
     flags = cv2.IMREAD_UNCHANGED if images.depth else cv2.IMREAD_COLOR

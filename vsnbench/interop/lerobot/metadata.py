@@ -34,15 +34,10 @@ def write_metadata(
 ) -> None:
     """Write the files.
 
-    Args:
-        root: directory of the dataset.
-        features: features by name.
-        tasks: texts by index.
-        episodes: the episodes.
-        written: for each episode where its frames are, and its statistics.
-        statistics: statistics of all frames.
+    `written` has for each episode where its frames are, and its statistics; `statistics` are those of all frames.
     """
     (root / "meta").mkdir()
+    robots = {frames.episode.robot for frames in episodes}
     info = {
         "codebase_version": VERSION,
         "fps": FRAMES_PER_S,
@@ -55,7 +50,7 @@ def write_metadata(
         "video_files_size_in_mb": VIDEO_FILE_MB,
         "data_path": f"data/{_PLACE}.parquet",
         "video_path": f"videos/{{video_key}}/{_PLACE}.mp4",
-        "robot_type": _only({frames.episode.robot for frames in episodes}),
+        "robot_type": robots.pop() if len(robots) == 1 else None,
         "splits": {"train": f"0:{len(episodes)}"},
     }
     _write_json(root / "meta" / "info.json", info)
@@ -66,10 +61,6 @@ def write_metadata(
         for frames, (row, found) in zip(episodes, written, strict=True)
     ]
     _write_episodes(root / path_in("meta/episodes", 0, "parquet"), rows)
-
-
-def _only(names: set[str]) -> str | None:
-    return next(iter(names)) if len(names) == 1 else None
 
 
 def _recorded(frames: EpisodeFrames) -> dict[str, Any]:

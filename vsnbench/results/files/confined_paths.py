@@ -2,7 +2,6 @@
 
 A results directory may come from an untrusted source. Paths are resolved before use, and only regular files of bounded
 size are read.
-it is used, and only an ordinary file of a bounded size is read.
 """
 
 from pathlib import Path

@@ -12,7 +12,7 @@ from typing import Self
 
 from vsnbench.config import BUILT_IN_RESULTS, config_defaults, same_file_above
 from vsnbench.errors import RecordError
-from vsnbench.results.database_url import redacted_url, sqlite_url, typed_url
+from vsnbench.results.database_url import redacted_url, sqlite_path, sqlite_url
 from vsnbench.results.files.confined_paths import confined
 
 ENVIRONMENT_VARIABLE = "VSNBENCH_RESULTS"
@@ -71,11 +71,14 @@ class ResultsDirectory:
         Values from the configuration file are left out. Values from environment variables are included, because
         another terminal may not have them.
         """
-        said = next(default.value for default in config_defaults(environment={}) if default.name == "results")
-        usual = Path(said or BUILT_IN_RESULTS)
+        configured = next(default.value for default in config_defaults(environment={}) if default.name == "results")
+        usual = Path(configured or BUILT_IN_RESULTS)
         known = self.path == usual == Path(os.environ.get(ENVIRONMENT_VARIABLE) or usual)
-        words = "" if known else f" --results {shlex.quote(str(self.path))}"
-        return words + ("" if self.has_own_database else f" --db {shlex.quote(typed_url(self.database_url))}")
+        results = "" if known else f" --results {shlex.quote(str(self.path))}"
+        if self.has_own_database:
+            return results
+        url = self.database_url if sqlite_path(self.database_url) else self.database_label
+        return f"{results} --db {shlex.quote(url)}"
 
     @property
     def database_label(self) -> str:

@@ -77,11 +77,9 @@ class EpisodeSink(Protocol):
 
     def add(self, entry: Entry) -> None:
         """Receive a step, an event or the end."""
-        ...
 
     def close(self) -> object:
         """Finish the episode."""
-        ...
 
 
 class EpisodeViewer(Protocol):
@@ -90,7 +88,6 @@ class EpisodeViewer(Protocol):
     @property
     def is_live(self) -> bool:
         """Whether episodes are shown live."""
-        ...
 
     def prepare(self) -> None:
         """Prepare the viewer after all checks have passed.
@@ -98,8 +95,6 @@ class EpisodeViewer(Protocol):
         Raises:
             VsnbenchError: the viewer is not available.
         """
-        ...
 
     def open_episode(self, header: EpisodeHeader, directory: Path) -> EpisodeSink:
         """Return the sink of an episode with files in `directory`."""
-        ...

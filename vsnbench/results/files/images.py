@@ -73,14 +73,13 @@ class EpisodeImages:
             for folder in ("rgb", "depth"):
                 (directory / folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise _cannot_write(directory, error) from error
+            raise RecordError(
+                f"cannot write {directory}: {error.strerror or error}",
+                advice="free some space or check the permissions",
+            ) from error
 
     def write(self, number: int, observation: Observation) -> WrittenImages:
-        """Write the images of a step; they are in place on return.
-
-        Args:
-            number: number of the step, from 1.
-            observation: its rgb and depth are written.
+        """Write the images of a step, numbered from 1; they are in place on return.
 
         Raises:
             RecordError: they cannot be written.
@@ -102,31 +101,15 @@ class EpisodeImages:
             RecordError: it cannot be written.
         """
         if path:
-            write_trajectory(self._directory / "trajectory.tum", path)
-
-
-def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
-    """Write a trajectory in the TUM format.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    write_atomic(path, trajectory_text(poses).encode())
+            write_atomic(self._directory / "trajectory.tum", trajectory_text(path).encode())
 
 
 def trajectory_text(poses: Iterable[StampedPose]) -> str:
-    """Return `timestamp tx ty tz qx qy qz qw` lines, the TUM format of evo and other tools."""
-    lines = ["# timestamp tx ty tz qx qy qz qw\n"]
-    for moment in poses:
-        half = moment.pose.heading_rad / 2
-        lines.append(
-            f"{moment.stamp_s:.6f} {moment.pose.x_m:.6f} {moment.pose.y_m:.6f} 0 "
-            f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"
-        )
-    return "".join(lines)
+    """Return a trajectory in the TUM format, which evo and other tools read."""
+    return "# timestamp tx ty tz qx qy qz qw\n" + "".join(map(tum_line, poses))
 
 
-def _cannot_write(path: Path, error: OSError) -> RecordError:
-    return RecordError(
-        f"cannot write {path}: {error.strerror or error}", advice="free some space or check the permissions"
-    )
+def tum_line(moment: StampedPose) -> str:
+    """Return a pose as `timestamp tx ty tz qx qy qz qw`."""
+    pose, half = moment.pose, moment.pose.heading_rad / 2
+    return f"{moment.stamp_s:.6f} {pose.x_m:.6f} {pose.y_m:.6f} 0 0 0 {np.sin(half):.9f} {np.cos(half):.9f}\n"

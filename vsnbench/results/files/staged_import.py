@@ -11,7 +11,6 @@ import socket
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vsnbench.errors import RecordError
@@ -49,9 +48,7 @@ class StagedImport:
             self._stage.mkdir(parents=True)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         shutil.rmtree(self._stage, ignore_errors=True)
         with contextlib.suppress(RecordError):  # the next run cleans up if the record is not available
             _resolve(self._results, self._placed, self._kept)
@@ -69,13 +66,7 @@ class StagedImport:
         return directory
 
     def copy(self, uuid: str, root: Path, named: str, files: Iterable[Path]) -> None:
-        """Copy an episode's files from another results directory.
-
-        Args:
-            uuid: UUID of the episode.
-            root: the other results directory.
-            named: the episode's directory according to the other record.
-            files: files relative to that directory, from `files_below`.
+        """Copy an episode's files, from `files_below`, from its directory `named` in another results directory.
 
         Raises:
             RecordError: a path leads out of `root`, or a file cannot be read or written.

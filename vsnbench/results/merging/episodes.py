@@ -7,17 +7,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Column, Connection, Table, insert, select, update
+from sqlalchemy import Column, Connection, Table, insert, select
 
 from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Step, Trial, Verdict
 from vsnbench.results.writing.campaigns import PlannedTrial
-from vsnbench.results.writing.episodes import images_directory
-from vsnbench.results.writing.lifecycle import EpisodeState
+from vsnbench.results.writing.episodes import attach_images
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests
+
+
+@dataclass(frozen=True, slots=True)
+class OtherRecord:
+    """A record of a merge, open for reading as a snapshot."""
+
+    name: str
+    """Display name."""
+    connection: Connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +46,6 @@ class EpisodeRows:
     """Row of the operator session, if any."""
     placement: Row | None
     """Measured start pose, if any."""
-
-    @property
-    def state(self) -> EpisodeState:
-        """State after the latest judgement, or at the episode's end."""
-        return EpisodeState(self.episode["state"])
 
 
 def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
@@ -103,24 +106,12 @@ def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
     return [StepDigests(*row) for row in connection.execute(query)]
 
 
-def attach_images(connection: Connection, episode_id: int) -> str:
-    """Record that an episode has images, and return their directory relative to the results directory."""
-    directory = images_directory(episode_id)
-    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
-    return directory
-
-
 def insert_episode_rows(
     connection: Connection, whole: EpisodeRows, trial_id: int, process_id: int, *, has_files: bool
 ) -> int | None:
-    """Insert an episode within a transaction and return its new number; None if its UUID exists.
+    """Insert an ended episode within a transaction and return its new number; None if its UUID exists.
 
-    Args:
-        connection: a transaction that may write.
-        whole: the ended episode.
-        trial_id: number of its trial in this record.
-        process_id: number of its process in this record.
-        has_files: the episode has images, to be placed in `images_directory` of its number.
+    The numbers of its trial and process are those in this record. With files, the row names their directory.
     """
     if connection.execute(select(Episode.id).where(Episode.uuid == whole.uuid)).first() is not None:
         return None
@@ -135,23 +126,16 @@ def insert_episode_rows(
         insert_row(connection, Placement, {**whole.placement, "episode_id": number})
     if has_files:
         attach_images(connection, number)
-    if whole.steps:
-        connection.execute(insert(Step), [{**step, "episode_id": number} for step in whole.steps])
-    add_verdicts(connection, number, whole.verdicts)
-    add_events(connection, number, whole.events)
+    add_rows(connection, Step, number, whole.steps)
+    add_rows(connection, Verdict, number, whole.verdicts)
+    add_rows(connection, Event, number, whole.events)
     return number
 
 
-def add_verdicts(connection: Connection, episode_id: int, verdicts: Sequence[Row]) -> None:
-    """Append verdicts of another record; the caller sets the resulting state."""
-    if verdicts:
-        connection.execute(insert(Verdict), [{**verdict, "episode_id": episode_id} for verdict in verdicts])
-
-
-def add_events(connection: Connection, episode_id: int, events: Sequence[Row]) -> None:
-    """Append events of another record."""
-    if events:
-        connection.execute(insert(Event), [{**event, "episode_id": episode_id} for event in events])
+def add_rows(connection: Connection, table: type[Base], episode_id: int, rows: Sequence[Row]) -> None:
+    """Append steps, verdicts or events of another record to an episode."""
+    if rows:
+        connection.execute(insert(table), [{**row, "episode_id": episode_id} for row in rows])
 
 
 def missing_events(ours: Sequence[Row], theirs: Sequence[Row]) -> list[Row]:
@@ -190,11 +174,11 @@ def _difference_of_steps(mine: Sequence[Row], theirs: Sequence[Row]) -> str:
         return "its steps differ"
     for ours, other in zip(mine, theirs, strict=True):
         for name in _DIGESTS:
-            said = compare_digests(ours[name], other[name])
-            if said is Pixels.NOT_COMPARABLE:
+            compared = compare_digests(ours[name], other[name])
+            if compared is Pixels.NOT_COMPARABLE:
                 made_with = f"{algorithm(ours[name])} and {algorithm(other[name])}"
                 return f"the {name} of its step {ours['number']}, made with {made_with}, cannot be compared"
-            if said is Pixels.OTHER:
+            if compared is Pixels.OTHER:
                 return f"the {name} of its step {ours['number']} differs"
     return ""
 

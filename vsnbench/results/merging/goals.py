@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from sqlalchemy import Connection, select
 
 from vsnbench.errors import RecordError
+from vsnbench.results.merging.episodes import OtherRecord
 from vsnbench.results.schema.row_encoding import Row, find_or_insert
 from vsnbench.results.schema.tables import Campaign, Goal, Trial
 
@@ -19,30 +20,29 @@ def definitions_of_trials(connection: Connection) -> Definitions:
         .join(Campaign, Campaign.id == Trial.campaign_id)
         .join(Goal, Goal.id == Trial.goal_id)
     )
-    found: Definitions = {}
-    for key, goal, *values in rows:
-        found[key, goal] = dict(zip(("sha256", "name", "kind", "content", "image"), values, strict=True))
-    return found
+    names = ("sha256", "name", "kind", "content", "image")
+    return {(row["key"], row["goal"]): {name: row[name] for name in names} for row in rows.mappings()}
 
 
-def agreeing_definitions(records: Iterable[tuple[str, Connection]]) -> Definitions:
+def agreeing_definitions(records: Iterable[OtherRecord]) -> Definitions:
     """Return the definitions of the goals of all records.
 
     Raises:
         RecordError: trials of one campaign have goals of one name with different definitions (`goal-changed`).
     """
-    defined_in = [(name, connection, definitions_of_trials(connection)) for name, connection in records]
-    if not any(defined for _, _, defined in defined_in):
+    defined_in = [(record, definitions_of_trials(record.connection)) for record in records]
+    if not any(defined for _, defined in defined_in):
         return {}
     known: Definitions = {}
     pairs = select(Campaign.key, Trial.goal).join(Campaign, Campaign.id == Trial.campaign_id).distinct()
-    for name, connection, defined in defined_in:
-        for key, goal in connection.execute(pairs):
+    for record, defined in defined_in:
+        for key, goal in record.connection.execute(pairs):
             mine = defined.get((key, goal))
             before = known.setdefault((key, goal), mine)
             if before != mine:
                 raise RecordError(
-                    f"goal {goal!r} of campaign {key[:12]} in {name} has another definition than in another record",
+                    f"goal {goal!r} of campaign {key[:12]} in {record.name} has another definition than in another "
+                    "record",
                     advice="nothing was written; trials of different goals cannot be merged under one name",
                     code="goal-changed",
                 )

@@ -3,46 +3,33 @@
 Numbers are assigned anew, in the order in which the episodes began.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from datetime import UTC, datetime
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
 
 from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import (
-    add_events,
-    add_verdicts,
+    OtherRecord,
+    add_rows,
     columns_of,
     difference,
     insert_episode_rows,
     missing_events,
     read_episode_rows,
 )
-from vsnbench.results.merging.goals import agreeing_definitions, take_definitions
-from vsnbench.results.merging.plan import (
-    IDENTITIES,
-    EpisodeUpdate,
-    MergePlan,
-    NewEpisode,
-    OtherRecord,
-    agreeing_campaigns,
-    campaign_numbers,
-    new_events,
-    new_trials,
-)
+from vsnbench.results.merging.goals import take_definitions
+from vsnbench.results.merging.plan import IDENTITIES, MergePlan, OtherEpisode, campaign_numbers
 from vsnbench.results.merging.studies import write_studies
-from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_row, text
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial
+from vsnbench.results.schema.row_encoding import Row, event_row, find_or_insert, insert_row
+from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial, Verdict
 from vsnbench.results.writing.campaigns import extend_plan
-from vsnbench.results.writing.episodes import images_directory
+from vsnbench.results.writing.episodes import PlaceFiles, images_directory
+from vsnbench.text.sanitize import counted
 
 MERGED = "merged"
 """Kind of events that record the source of merged episodes."""
-
-PlaceFiles = Callable[[NewEpisode, str], None]
-"""Places a new episode's files in a directory, relative to the results directory, before the commit."""
-
 
 _ADVISORY_LOCK = 7_305_514_014
 
@@ -60,28 +47,21 @@ def apply_merge(
     with_files: Collection[str],
     place_files: PlaceFiles,
 ) -> None:
-    """Apply a merge plan within one transaction.
+    """Apply a merge plan within the transaction in which it was made.
 
-    Args:
-        mine: a transaction that may write.
-        others: the other records, unchanged since the plan was made.
-        plan: the merge plan.
-        with_files: UUIDs of the new episodes whose files are added.
-        place_files: called for each of them.
+    `with_files` are the UUIDs of the new episodes whose files are added; `place_files` is called for each of them.
 
     Raises:
         RecordError: the records contradict each other, or this one has changed since the plan was made.
     """
     processes = _Processes(mine)
-    campaigns = agreeing_campaigns(mine, others)
-    for row, other in sorted(campaigns.values(), key=lambda found: (found[0]["created_at"], found[0]["key"])):
+    for row, other in sorted(plan.new_campaigns.values(), key=lambda found: (found[0]["created_at"], found[0]["key"])):
         _take_campaign(mine, other.connection, row, processes)
     numbers = campaign_numbers(mine)
-    definitions = agreeing_definitions([("this record", mine), *((other.name, other.connection) for other in others)])
-    for key, trials in new_trials(mine, others, campaigns).items():
-        goals = take_definitions(mine, key, [trial.goal for trial in trials], definitions)
+    for key, trials in plan.new_trials.items():
+        goals = take_definitions(mine, key, [trial.goal for trial in trials], plan.definitions)
         extend_plan(mine, numbers[key], trials, goals)
-    for key, events in new_events(mine, others).items():
+    for key, events in plan.new_events.items():
         mine.execute(insert(Event), [{**event, "campaign_id": numbers[key]} for event in events])
     known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(Trial))}
     write_studies(mine, plan.studies.united, numbers, known, processes.number)
@@ -93,35 +73,33 @@ def apply_merge(
         if number is None:
             raise RecordError(f"episode {new_episode.uuid} was added by another process; nothing was written")
         if has_files:
-            place_files(new_episode, images_directory(number))
-    for update_ in plan.updates:
-        _add(mine, others[update_.other], update_)
+            place_files(new_episode.uuid, images_directory(number))
+    for known_episode in plan.updates:
+        _add(mine, others[known_episode.other], known_episode)
     _record_sources(mine, others, plan, numbers)
 
 
-def _add(mine: Connection, other: OtherRecord, update_: EpisodeUpdate) -> None:
+def _add(mine: Connection, other: OtherRecord, episode: OtherEpisode) -> None:
     """Append the verdicts and events of an episode that this record lacks."""
-    number = mine.execute(select(Episode.id).where(Episode.uuid == update_.uuid)).scalar_one()
+    number = mine.execute(select(Episode.id).where(Episode.uuid == episode.uuid)).scalar_one()
     ours = read_episode_rows(mine, number, steps=False)
-    theirs = read_episode_rows(other.connection, update_.number, steps=False)
+    theirs = read_episode_rows(other.connection, episode.number, steps=False)
     if wrong := difference(ours, theirs):
-        raise RecordError(f"episode {update_.number} of {other.name} ({update_.uuid}): {wrong}; nothing was written")
-    add_events(mine, number, missing_events(ours.events, theirs.events))
+        raise RecordError(f"episode {episode.number} of {other.name} ({episode.uuid}): {wrong}; nothing was written")
+    add_rows(mine, Event, number, missing_events(ours.events, theirs.events))
     if len(theirs.verdicts) > len(ours.verdicts):
-        add_verdicts(mine, number, theirs.verdicts[len(ours.verdicts) :])
-        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.state.value))
+        add_rows(mine, Verdict, number, theirs.verdicts[len(ours.verdicts) :])
+        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.episode["state"]))
 
 
 def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_Processes") -> None:
-    if mine.execute(select(Campaign.id).where(Campaign.key == row["key"])).first() is not None:
-        return
     given = {name: value for name, value in row.items() if name != "id"}
     for table, column, _ in IDENTITIES:
         found = other.execute(select(*columns_of(table, "id")).where(table.__table__.c.id == row[column])).mappings()
         given[column] = find_or_insert(mine, table, dict(found.one()), "sha256")
     process = other.execute(select(*columns_of(Process, "id")).where(Process.id == row["process_id"])).mappings()
     given["process_id"] = processes.number(dict(process.one()))
-    find_or_insert(mine, Campaign, given, "key")
+    insert_row(mine, Campaign, given)
 
 
 class _Processes:
@@ -149,11 +127,7 @@ def _record_sources(
     mine: Connection, others: Sequence[OtherRecord], plan: MergePlan, numbers: Mapping[str, int]
 ) -> None:
     """Record, per campaign and source, the number of merged episodes."""
-    counts: dict[tuple[str, int], int] = {}
-    for new_episode in plan.new_episodes:
-        where = (new_episode.campaign_key, new_episode.other)
-        counts[where] = counts.get(where, 0) + 1
-    event = {"kind": MERGED, "author": "", "created_at": datetime.now(UTC)}
+    counts = Counter((episode.campaign_key, episode.other) for episode in plan.new_episodes)
     for (key, other), count in counts.items():
-        words = text(f"{count} episode{'' if count == 1 else 's'} came from {others[other].name}")
-        mine.execute(insert(Event), {**event, "campaign_id": numbers[key], "text": words})
+        words = f"{counted(count, 'episode')} came from {others[other].name}"
+        mine.execute(insert(Event), event_row(MERGED, words, campaign_id=numbers[key]))

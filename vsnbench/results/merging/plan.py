@@ -5,7 +5,7 @@ have further verdicts and events.
 """
 
 import heapq
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -13,8 +13,8 @@ from typing import Any
 from sqlalchemy import Connection, select
 
 from vsnbench.errors import RecordError
-from vsnbench.results.merging.episodes import columns_of, difference, missing_events, read_episode_rows
-from vsnbench.results.merging.goals import agreeing_definitions
+from vsnbench.results.merging.episodes import OtherRecord, columns_of, difference, missing_events, read_episode_rows
+from vsnbench.results.merging.goals import Definitions, agreeing_definitions
 from vsnbench.results.merging.studies import StudiesPlan, plan_studies
 from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.row_encoding import Row
@@ -31,17 +31,8 @@ IDENTITIES: tuple[tuple[type[Base], str, tuple[str, ...]], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class OtherRecord:
-    """Another record, open for reading as a snapshot."""
-
-    name: str
-    """Display name."""
-    connection: Connection
-
-
-@dataclass(frozen=True, slots=True)
-class NewEpisode:
-    """An episode that this record lacks."""
+class OtherEpisode:
+    """An episode of another record."""
 
     uuid: str
     other: int
@@ -57,16 +48,6 @@ class NewEpisode:
 
 
 @dataclass(frozen=True, slots=True)
-class EpisodeUpdate:
-    """An episode of which another record has further verdicts or events."""
-
-    uuid: str
-    other: int
-    number: int
-    """Its number in that record."""
-
-
-@dataclass(frozen=True, slots=True)
 class ExistingEpisode:
     """An episode that this record has."""
 
@@ -79,10 +60,20 @@ class ExistingEpisode:
 class MergePlan:
     """Effects of a merge."""
 
-    new_episodes: list[NewEpisode] = field(default_factory=list)
+    definitions: Definitions
+    """Definitions of the goals of all records."""
+    new_campaigns: Mapping[str, tuple[Row, OtherRecord]]
+    """Key -> campaign, in the first record that has it."""
+    new_trials: Mapping[str, Sequence[PlannedTrial]]
+    """Key of a campaign -> further planned trials."""
+    new_events: Mapping[str, Sequence[Row]]
+    """Key of a campaign -> further events of the campaign."""
+    studies: StudiesPlan
+    new_episodes: list[OtherEpisode] = field(default_factory=list)
     """In the order of their new numbers."""
-    updates: list[EpisodeUpdate] = field(default_factory=list)
-    copies: dict[str, list[NewEpisode]] = field(default_factory=dict)
+    updates: list[OtherEpisode] = field(default_factory=list)
+    """Episodes of which another record has further verdicts or events."""
+    copies: dict[str, list[OtherEpisode]] = field(default_factory=dict)
     """UUID -> copies of the episode in further records."""
     present: dict[str, ExistingEpisode] = field(default_factory=dict)
     """UUID -> the episode in this record, for each copy that it has."""
@@ -92,70 +83,63 @@ class MergePlan:
     """Number of episodes of each other record that have not ended and are not merged."""
     second_results: int = 0
     """Number of new episodes of trials that already have a result; the lowest number counts."""
-    campaigns: int = 0
-    """Number of new campaigns."""
-    trials: int = 0
-    """Number of new planned trials."""
-    events: int = 0
-    """Number of new campaign events."""
-    studies: StudiesPlan = field(default_factory=StudiesPlan)
 
     @property
     def changes(self) -> bool:
         """Whether the merge changes anything."""
-        return bool(
-            self.new_episodes or self.updates or self.campaigns or self.trials or self.events or self.studies.united
-        )
+        rows = self.new_campaigns or self.new_trials or self.new_events
+        return bool(rows or self.studies.united or self.new_episodes or self.updates)
 
 
 def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: bool = True) -> MergePlan:
-    """Compare the records and return the effects of a merge.
+    """Compare the records and return the effects of a merge into `mine`.
 
-    Args:
-        mine: this record.
-        others: records to merge into it.
-        thorough: also compare the steps of episodes in several records.
+    If `thorough`, the steps of episodes in several records are compared as well.
 
     Raises:
         RecordError: they contradict each other.
     """
-    campaigns = agreeing_campaigns(mine, others)
-    agreeing_definitions([("this record", mine), *((other.name, other.connection) for other in others)])
-    plan = MergePlan(studies=plan_studies(mine, [(other.name, other.connection) for other in others]))
-    plan.campaigns = sum(1 for key in campaigns if key not in campaign_numbers(mine))
-    plan.trials = sum(len(trials) for trials in new_trials(mine, others, campaigns).values())
-    plan.events = sum(len(events) for events in new_events(mine, others).values())
+    records = [OtherRecord("this record", mine), *others]
+    campaigns = _agreeing_campaigns(records)
+    known_keys = campaign_numbers(mine)
+    plan = MergePlan(
+        agreeing_definitions(records),
+        {key: found for key, found in campaigns.items() if key not in known_keys},
+        _new_trials(mine, others, campaigns),
+        _new_events(mine, others),
+        plan_studies(records),
+    )
     here = {
         row.uuid: ExistingEpisode(row.id, row.images_directory)
         for row in mine.execute(select(Episode.uuid, Episode.id, Episode.images_directory))
     }
-    arriving: dict[str, NewEpisode] = {}
+    arriving: dict[str, OtherEpisode] = {}
     contradictions = []
     for place, other in enumerate(others):
         active = 0
-        for new_episode, ended in _episodes(other.connection, place):
+        for episode, ended in _episodes(other.connection, place):
+            uuid = episode.uuid
             if not ended:
                 active += 1
                 continue
-            if new_episode.uuid not in here and new_episode.uuid not in arriving:
-                arriving[new_episode.uuid] = new_episode
+            if uuid not in here and uuid not in arriving:
+                arriving[uuid] = episode
                 continue
             plan.known += 1
-            plan.copies.setdefault(new_episode.uuid, []).append(new_episode)
-            first = arriving.get(new_episode.uuid)
+            plan.copies.setdefault(uuid, []).append(episode)
+            first = arriving.get(uuid)
             if first is None:
-                plan.present[new_episode.uuid] = here[new_episode.uuid]
-            at = first.number if first else here[new_episode.uuid].number
+                plan.present[uuid] = here[uuid]
+            at = first.number if first else here[uuid].number
             ours = read_episode_rows(others[first.other].connection if first else mine, at, steps=thorough)
-            theirs = read_episode_rows(other.connection, new_episode.number, steps=thorough)
+            theirs = read_episode_rows(other.connection, episode.number, steps=thorough)
             if wrong := difference(ours, theirs):
                 where = f"episode {at} of {others[first.other].name}" if first else f"episode {at} here"
                 contradictions.append(
-                    f"{where} and episode {new_episode.number} of {other.name} have the same "
-                    f"UUID ({new_episode.uuid}), and {wrong}"
+                    f"{where} and episode {episode.number} of {other.name} have the same UUID ({uuid}), and {wrong}"
                 )
             elif len(theirs.verdicts) > len(ours.verdicts) or missing_events(ours.events, theirs.events):
-                plan.updates.append(EpisodeUpdate(new_episode.uuid, place, new_episode.number))
+                plan.updates.append(episode)
         plan.active.append(active)
     if contradictions:
         more = f" (and {len(contradictions) - 1} more like it)" if len(contradictions) > 1 else ""
@@ -171,25 +155,25 @@ def campaign_numbers(connection: Connection) -> dict[str, int]:
     return {row.key: row.id for row in connection.execute(select(Campaign.key, Campaign.id))}
 
 
-def agreeing_campaigns(mine: Connection, others: Sequence[OtherRecord]) -> dict[str, tuple[Row, OtherRecord]]:
-    """Return the others' campaigns by key, from the first record that has them.
+def _agreeing_campaigns(records: Sequence[OtherRecord]) -> dict[str, tuple[Row, OtherRecord]]:
+    """Return the campaigns of all records but the first by key, each from the first of these that has it.
 
-    Raises:
-        RecordError: a key or a hash of a site, robot or model has different contents.
+    Campaigns, sites, robots and models with equal hashes must have equal contents.
     """
     known: dict[tuple[str, str], Any] = {}
     found: dict[str, tuple[Row, OtherRecord]] = {}
-    for other in (OtherRecord("this record", mine), *others):
-        for table, _, names in IDENTITIES:
-            for row in _all(other.connection, table):
-                _agree(known, table.__tablename__, row["sha256"], [row[name] for name in names], other.name)
-        for row in _all(other.connection, Campaign):
-            stands_for = [row["protocol"], row["conditions"], row["seed"]]
-            for table, column, _ in IDENTITIES:
-                stands_for.append(_sha256(other.connection, table, row[column]))
-            _agree(known, "campaign", row["key"], stands_for, other.name)
-            if other.connection is not mine:
-                found.setdefault(row["key"], (dict(row), other))
+    for place, record in enumerate(records):
+        hashes: dict[tuple[str, int], str] = {}
+        for table, column, names in IDENTITIES:
+            for row in _all(record.connection, table):
+                hashes[column, row["id"]] = row["sha256"]
+                _agree(known, table.__tablename__, row["sha256"], [row[name] for name in names], record.name)
+        for row in _all(record.connection, Campaign):
+            condition = [row["protocol"], row["conditions"], row["seed"]]
+            condition += [hashes[column, row[column]] for _, column, _ in IDENTITIES]
+            _agree(known, "campaign", row["key"], condition, record.name)
+            if place > 0:
+                found.setdefault(row["key"], (row, record))
     return found
 
 
@@ -206,12 +190,7 @@ def _all(connection: Connection, table: type[Base]) -> list[Row]:
     return [dict(row) for row in rows]
 
 
-def _sha256(connection: Connection, table: type[Base], number: int) -> str:
-    columns = table.__table__.c
-    return str(connection.execute(select(columns.sha256).where(columns.id == number)).scalar_one())
-
-
-def new_trials(
+def _new_trials(
     mine: Connection, others: Sequence[OtherRecord], campaigns: Iterable[str]
 ) -> dict[str, list[PlannedTrial]]:
     """Return, by campaign, the planned trials that this record lacks, in the order of the others' plans."""
@@ -237,7 +216,7 @@ def _trials(connection: Connection) -> dict[str, dict[PlannedTrial, int]]:
     return found
 
 
-def new_events(mine: Connection, others: Sequence[OtherRecord]) -> dict[str, list[Row]]:
+def _new_events(mine: Connection, others: Sequence[OtherRecord]) -> dict[str, list[Row]]:
     """Return, by campaign, the campaign events that this record lacks."""
     new: dict[str, list[Row]] = {}
     have = _campaign_events(mine)
@@ -264,7 +243,7 @@ def _campaign_events(connection: Connection) -> dict[str, list[Row]]:
     return found
 
 
-def _episodes(connection: Connection, place: int) -> Iterable[tuple[NewEpisode, bool]]:
+def _episodes(connection: Connection, place: int) -> Iterable[tuple[OtherEpisode, bool]]:
     """Yield the episodes of another record by number, and whether each has ended."""
     active, results = [state.value for state in ACTIVE], [state.value for state in RESULTS]
     rows = connection.execute(
@@ -278,10 +257,11 @@ def _episodes(connection: Connection, place: int) -> Iterable[tuple[NewEpisode, 
     )
     for uuid, number, started_at, directory, state, key, goal, start, repetition in rows.all():
         trial = PlannedTrial(goal, start, repetition)
-        yield NewEpisode(uuid, place, number, started_at, directory, key, trial, state in results), state not in active
+        episode = OtherEpisode(uuid, place, number, started_at, directory, key, trial, state in results)
+        yield episode, state not in active
 
 
-def _second_results(mine: Connection, new_episodes: Iterable[NewEpisode]) -> int:
+def _second_results(mine: Connection, new_episodes: Iterable[OtherEpisode]) -> int:
     rows = mine.execute(
         select(Campaign.key, Trial.goal, Trial.start, Trial.repetition)
         .join(Trial, Trial.campaign_id == Campaign.id)

@@ -8,12 +8,13 @@ never chooses between two plans.
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 from sqlalchemy import Connection, func, insert, select, update
 
 from vsnbench.errors import RecordError
-from vsnbench.results.merging.episodes import columns_of
+from vsnbench.results.merging.episodes import OtherRecord, columns_of
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyEvent, StudyTrial
 from vsnbench.results.schema.tables import Campaign, Episode, Process, Trial
@@ -31,11 +32,6 @@ class StudyChangeRows:
 
     entry: Row
     process: Row
-
-    @property
-    def moment(self) -> Any:
-        """Time of the entry."""
-        return self.entry["created_at"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,19 +83,19 @@ class StudiesPlan:
     """Studies that are blinded in one record and unblinded in another, and therefore become unblinded."""
 
 
-def plan_studies(mine: Connection, others: Sequence[tuple[str, Connection]]) -> StudiesPlan:
-    """Unite the studies of the records and return the effects on this one.
+def plan_studies(records: Sequence[OtherRecord]) -> StudiesPlan:
+    """Unite the studies of the records and return the effects on the first.
 
     Raises:
         RecordError: they contradict each other, or trials of a study were run outside of it.
     """
-    here = {study.identity: study for study in read_study_rows("this record", mine)}
-    known, blind = dict(here), {identity for identity, study in here.items() if study.is_blind}
-    for name, connection in others:
-        for study in read_study_rows(name, connection):
-            known[study.identity] = _united(known[study.identity], study) if study.identity in known else study
-            blind |= {study.identity} if study.is_blind else set()
-    _check_campaigns(known.values(), [("this record", mine), *others])
+    studies = [_read_studies(record) for record in records]
+    here = {study.identity: study for study in studies[0]}
+    known = dict(here)
+    for study in chain(*studies[1:]):
+        known[study.identity] = _united(known[study.identity], study) if study.identity in known else study
+    blind = {study.identity for study in chain(*studies) if study.is_blind}
+    _check_campaigns(known.values(), records)
     plan = StudiesPlan()
     for identity, study in known.items():
         if study == here.get(identity):
@@ -112,22 +108,17 @@ def plan_studies(mine: Connection, others: Sequence[tuple[str, Connection]]) -> 
     return plan
 
 
-def read_study_rows(record: str, connection: Connection) -> tuple[StudyRows, ...]:
-    """Return the studies of a record.
-
-    Raises:
-        RecordError: a plan does not match its hash.
-    """
-    found = []
-    for study in connection.execute(select(*columns_of(Study)).order_by(Study.id)).mappings():
-        read = _read(record, connection, dict(study))
+def _read_studies(record: OtherRecord) -> list[StudyRows]:
+    """Return the studies of a record; their plans must match their hashes."""
+    rows = record.connection.execute(select(*columns_of(Study)).order_by(Study.id)).mappings()
+    found = [_read(record.name, record.connection, dict(row)) for row in rows.all()]
+    for read in found:
         if hashlib.sha256(read.study["content"].encode()).hexdigest() != read.study["sha256"]:
             raise RecordError(
-                f"the plan of the study {read.title} in {record} was edited by hand after the lock",
+                f"the plan of the study {read.title} in {record.name} was edited by hand after the lock",
                 advice="nothing was written; restore it there from a backup",
             )
-        found.append(read)
-    return tuple(found)
+    return found
 
 
 def _read(record: str, connection: Connection, study: Row) -> StudyRows:
@@ -145,17 +136,13 @@ def _read(record: str, connection: Connection, study: Row) -> StudyRows:
         .where(StudyTrial.study_id == number)
         .order_by(StudyTrial.rank)
     )
-    processes = {row["id"]: dict(row) for row in connection.execute(select(*columns_of(Process))).mappings()}
-    for row in processes.values():
-        del row["id"]
+    processes = {row.pop("id"): row for row in map(dict, connection.execute(select(*columns_of(Process))).mappings())}
     entries = connection.execute(
         select(*columns_of(StudyEntry, "id", "study_id"))
         .where(StudyEntry.study_id == number)
         .order_by(StudyEntry.created_at, StudyEntry.id)
     ).mappings()
-    history = [StudyChangeRows(dict(row), processes[row["process_id"]]) for row in entries]
-    for entry in history:
-        del entry.entry["process_id"]
+    history = [StudyChangeRows(row, processes[row.pop("process_id")]) for row in map(dict, entries)]
     return StudyRows(
         record,
         study,
@@ -184,7 +171,7 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
         )
     plan = second if len(theirs) > len(ours) else first
     unblinded = [study.study["unblinded_at"] for study in (first, second) if study.study["unblinded_at"] is not None]
-    told = [*first.history, *(entry for entry in second.history if entry not in first.history)]
+    history = [*first.history, *(entry for entry in second.history if entry not in first.history)]
     log = {event.sha256: event for event in (*second.log, *first.log)}
     followed = {parent for event in log.values() for parent in event.parents}
     # A head without its event is kept: the merged record reports it as missing too.
@@ -198,17 +185,13 @@ def _united(first: StudyRows, second: StudyRows) -> StudyRows:
             "unblinded_at": min(unblinded, default=None),
             "log_heads": " ".join(sorted(heads)),
         },
-        history=tuple(sorted(told, key=lambda entry: entry.moment)),
+        history=tuple(sorted(history, key=lambda change: change.entry["created_at"])),
         log=tuple(sorted(log.values(), key=lambda event: event.created_at)),
     )
 
 
-def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[tuple[str, Connection]]) -> None:
-    """Check that every trial of a study was run as part of that study.
-
-    Raises:
-        RecordError: two studies share an arm, or a record has episodes of an arm without the study.
-    """
+def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[OtherRecord]) -> None:
+    """Check that every trial of a study was run as part of that study."""
     owners: dict[str, StudyRows] = {}
     for study in studies:
         for _, code, key in study.arms:
@@ -219,14 +202,15 @@ def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[tuple[str, 
                     f"{other.record} as well: its trials would count in both",
                     advice="nothing was written; keep these records apart",
                 )
-    for name, connection in records:
-        locked = {key for study in read_study_rows(name, connection) for _, _, key in study.arms}
-        for key, count in _episodes(connection).items():
+    for record in records:
+        arms = select(Campaign.key).join(StudyArm, StudyArm.campaign_id == Campaign.id)
+        locked = set(record.connection.scalars(arms))
+        for key, count in _episodes(record.connection).items():
             if key in owners and key not in locked:
                 code = next(code for _, code, arm in owners[key].arms if arm == key)
                 raise RecordError(
-                    f"{name} has {count} episodes of arm {code} of the study {owners[key].title} that were run outside "
-                    f"of it; the study is locked in {owners[key].record}",
+                    f"{record.name} has {count} episodes of arm {code} of the study {owners[key].title} that were run "
+                    f"outside of it; the study is locked in {owners[key].record}",
                     advice="nothing was written; keep these records apart",
                 )
 
@@ -251,37 +235,23 @@ def write_studies(
 ) -> None:
     """Write united studies within a transaction that already contains their campaigns and trials.
 
-    Args:
-        mine: the transaction.
-        studies: united studies from a plan of the same records.
-        campaigns: numbers in this record, by key.
-        trials: numbers in this record, by campaign, goal, starting position and repetition.
-        process: returns the number of a process in this record.
+    `campaigns` and `trials` are numbers in this record; `process` returns the number of a process.
     """
-    here = {study.identity: study for study in read_study_rows("this record", mine)}
+    here = {study.identity: study for study in _read_studies(OtherRecord("this record", mine))}
     for study in studies:
         there = here.get(study.identity)
         if there is None:
             number = insert_row(mine, Study, {**study.study, "process_id": process(study.process)})
-            mine.execute(
-                insert(StudyArm),
-                [
-                    {"study_id": number, "campaign_id": campaigns[key], "name": name, "code": code}
-                    for name, code, key in study.arms
-                ],
-            )
-            mine.execute(
-                insert(StudyTrial),
-                [
-                    {
-                        "study_id": number,
-                        "trial_id": trials[campaigns[key], goal, start, repetition],
-                        "rank": rank,
-                        "block": block,
-                    }
-                    for rank, block, key, goal, start, repetition in study.schedule
-                ],
-            )
+            arms = [
+                {"study_id": number, "campaign_id": campaigns[key], "name": name, "code": code}
+                for name, code, key in study.arms
+            ]
+            mine.execute(insert(StudyArm), arms)
+            schedule = [
+                {"study_id": number, "trial_id": trials[campaigns[key], goal, start, nth], "rank": rank, "block": block}
+                for rank, block, key, goal, start, nth in study.schedule
+            ]
+            mine.execute(insert(StudyTrial), schedule)
         else:
             number = mine.execute(select(Study.id).where(Study.uuid == there.study["uuid"])).scalar_one()
             mine.execute(update(Study).where(Study.id == number).values(study.study))

@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, Connection, Text, cast, func, literal, sel
 from sqlalchemy.orm import InstrumentedAttribute
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.results.reading.rows import EpisodeDetails, EpisodeProvenance, RecordedEvent
+from vsnbench.results.reading.rows import EpisodeDetails, EpisodeProvenance
 from vsnbench.results.schema.study_tables import Study, StudyArm
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Trial
 from vsnbench.values.step import StepRecord
@@ -57,11 +57,6 @@ def hide_step(step: StepRecord) -> StepRecord:
     return replace(step, raw_action=step.action.value, timings=timings, probabilities={}, details={})
 
 
-def hide_steps(steps: Iterable[StepRecord]) -> tuple[StepRecord, ...]:
-    """Return steps without identifying data."""
-    return tuple(map(hide_step, steps))
-
-
 def hide_details(details: EpisodeDetails) -> EpisodeDetails:
     """Return an episode without identifying data."""
     return replace(
@@ -72,13 +67,9 @@ def hide_details(details: EpisodeDetails) -> EpisodeDetails:
             replace(verdict, reason=verdict.end_reason) if verdict.end_reason in TELLING else verdict
             for verdict in details.verdicts
         ),
-        events=tuple(map(_hide_event, details.events)),
+        events=tuple(replace(event, text=HIDDEN) if event.kind in TELLING else event for event in details.events),
         provenance=_hide_provenance(details.provenance),
     )
-
-
-def _hide_event(event: RecordedEvent) -> RecordedEvent:
-    return replace(event, text=HIDDEN) if event.kind in TELLING else event
 
 
 def _hide_provenance(given: EpisodeProvenance) -> EpisodeProvenance:

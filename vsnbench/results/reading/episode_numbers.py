@@ -1,9 +1,9 @@
 """Episode numbers: released claims and unexplained gaps."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 
-from sqlalchemy import Connection, func, insert, select, text
+from sqlalchemy import Connection, func, select, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from vsnbench.results.schema.base import Base
@@ -18,11 +18,6 @@ class ReleasedClaim(Base):
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     released_at: Mapped[datetime | None]
     """NULL for gaps from before this table existed."""
-
-
-def record_release(connection: Connection, number: int) -> None:
-    """Record the release of a claim."""
-    connection.execute(insert(ReleasedClaim), {"number": number, "released_at": datetime.now(UTC)})
 
 
 def missing_numbers(connection: Connection) -> tuple[int, ...]:

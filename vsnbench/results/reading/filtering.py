@@ -13,6 +13,8 @@ from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState
 
 _SHORTEST_KEY = 8
 """Minimum number of a key's digits; shorter numbers are campaign numbers."""
+_SUCCESS = {"success": True, "failure": False}
+_STATES = {"running": ACTIVE, "unjudged": (EpisodeState.AWAITING,), "void": (EpisodeState.VOID,)}
 
 
 def restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[*tuple[Any, ...]]:
@@ -31,18 +33,10 @@ def restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[
     query = query.where(*map(has_tag, which.tags))
     if which.note:
         query = query.where(has_note(which.note))
-    match which.outcome:
-        case "":
-            return query
-        case "success":
-            return query.where(SUCCESS.is_(True))
-        case "failure":
-            return query.where(SUCCESS.is_(False))
-        case "running":
-            return query.where(Episode.state.in_([state.value for state in ACTIVE]))
-        case "unjudged":
-            return query.where(Episode.state == EpisodeState.AWAITING.value)
-        case "void":
-            return query.where(Episode.state == EpisodeState.VOID.value)
-        case reason:
-            return query.where(END_REASON.in_([reason]))
+    if which.outcome in _SUCCESS:
+        query = query.where(SUCCESS.is_(_SUCCESS[which.outcome]))
+    elif which.outcome in _STATES:
+        query = query.where(Episode.state.in_([state.value for state in _STATES[which.outcome]]))
+    elif which.outcome:
+        query = query.where(END_REASON.in_([which.outcome]))
+    return query

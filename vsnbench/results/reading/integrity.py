@@ -38,9 +38,8 @@ from vsnbench.files.bounded_json import parse_json
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import redacted_url, sqlite_path
-from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.column_types import UtcDateTime
-from vsnbench.results.schema.engine import open_engine, opened_urls
+from vsnbench.results.schema.base import Base, UtcDateTime
+from vsnbench.results.schema.engine import opened_engine, opened_urls
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.sites.site import Site
@@ -101,16 +100,13 @@ def record_fault(url: str) -> str:
     Raises:
         RecordError: the database cannot be read at all.
     """
-    engine = open_engine(url, read_only=True)
     try:
-        with engine.connect() as connection:
+        with opened_engine(url, read_only=True) as engine, engine.connect() as connection:
             return next(record_faults(connection), "")
     except SQLAlchemyError as error:
         return error_line(getattr(error, "orig", None) or error, named=False)
     except _UNREADABLE as error:
         return f"it cannot be read ({error_line(error)})"
-    finally:
-        engine.dispose()
 
 
 def record_faults(connection: Connection) -> Iterator[str]:

@@ -1,7 +1,9 @@
-"""Queries of episodes, their details and steps, and of campaigns."""
+"""Queries of episodes, their details and steps, and of campaigns.
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+They raise RecordError if the database cannot be read.
+"""
+
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +19,7 @@ from vsnbench.results.reading.blinding import (
     MODEL_NAME,
     blind_episodes,
     hide_details,
-    hide_steps,
+    hide_step,
 )
 from vsnbench.results.reading.filtering import restricted
 from vsnbench.results.reading.read_model import (
@@ -41,8 +43,8 @@ from vsnbench.results.reading.rows import (
     RecordedEvent,
     RecordedVerdict,
 )
-from vsnbench.results.schema.engine import reading, record_errors
-from vsnbench.results.schema.row_encoding import fix_of_columns
+from vsnbench.results.schema.engine import reading, transaction
+from vsnbench.results.schema.row_encoding import columns_of_fields, fix_of_columns, parts
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.sessions import placement_of, session_of
@@ -53,13 +55,9 @@ from vsnbench.values.step import StepRecord
 
 
 def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
-    """Return episodes by number; with a limit, the latest ones.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return episodes by number; with a limit, the latest ones."""
     query = restricted(_summary_query(), which)
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         if limit is None:
             rows = connection.execute(query.order_by(Episode.id)).all()
         else:
@@ -68,13 +66,9 @@ def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None
 
 
 def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
-    """Return the number of episodes that match a filter.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return the number of episodes that match a filter."""
     query = restricted(episodes_of_campaigns(func.count(Episode.id)), which)
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         return int(connection.execute(query).scalar_one())
 
 
@@ -83,31 +77,12 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
 
     Raises:
         UsageError: the episode does not exist.
-        RecordError: the database cannot be read.
     """
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         summary = _one_summary(connection, episode_id)
         episode = connection.execute(select(Episode.__table__).where(Episode.id == episode_id)).one()
-        verdicts = connection.execute(
-            select(
-                Verdict.created_at,
-                Verdict.proposed,
-                Verdict.success,
-                Verdict.end_reason,
-                Verdict.distance_m,
-                Verdict.distance_source,
-                Verdict.goal_instance,
-                Verdict.goal_in_sight,
-                *(Verdict.author, Verdict.source, Verdict.reason, Verdict.note),
-            )
-            .where(Verdict.episode_id == episode_id)
-            .order_by(Verdict.id)
-        )
-        events = connection.execute(
-            select(Event.created_at, Event.step_number, Event.kind, Event.author, Event.text)
-            .where(Event.episode_id == episode_id)
-            .order_by(Event.id)
-        )
+        verdicts = select(*columns_of_fields(Verdict, RecordedVerdict)).where(Verdict.episode_id == episode_id)
+        events = select(*columns_of_fields(Event, RecordedEvent)).where(Event.episode_id == episode_id)
         counts, goal_instance = connection.execute(
             episodes_of_trials(COUNTS, GOAL_INSTANCE).where(Episode.id == episode_id)
         ).one()
@@ -129,19 +104,15 @@ def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
             session=session_of(connection, episode_id),
             final=fix_of_columns(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
             counts=bool(counts),
-            verdicts=tuple(RecordedVerdict(*tuple(row)) for row in verdicts),
-            events=tuple(RecordedEvent(*row) for row in events),
+            verdicts=tuple(RecordedVerdict(*row) for row in connection.execute(verdicts.order_by(Verdict.id))),
+            events=tuple(RecordedEvent(*row) for row in connection.execute(events.order_by(Event.id))),
             provenance=_provenance(connection, episode_id),
         )
         return hide_details(details) if blind_episodes(connection, [episode_id]) else details
 
 
 def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
-    """Return the episodes that await an operator's judgement, by number.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return the episodes that await an operator's judgement, by number."""
     proposal, any_proposal = aliased(Verdict), aliased(Verdict)
     latest = select(func.max(any_proposal.id)).where(
         any_proposal.episode_id == Episode.id, any_proposal.proposed.is_(True)
@@ -155,7 +126,7 @@ def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
         .where(Episode.state == EpisodeState.AWAITING.value)
         .order_by(Episode.id)
     )
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         return tuple(PendingEpisode(*row) for row in connection.execute(query))
 
 
@@ -163,12 +134,12 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     """Return the committed steps of an episode in order; empty if it does not exist.
 
     Raises:
-        RecordError: the database cannot be read, or a step is invalid.
+        RecordError: a step is invalid.
     """
     query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         steps = tuple(_step(row) for row in connection.execute(query))
-        return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
+        return tuple(map(hide_step, steps)) if blind_episodes(connection, [episode_id]) else steps
 
 
 def _step(row: Any) -> StepRecord:
@@ -180,11 +151,7 @@ def _step(row: Any) -> StepRecord:
 
 
 def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
-    """Return all campaigns with their progress, in order of creation.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return all campaigns with their progress, in order of creation."""
     planned = select(func.count()).where(Trial.campaign_id == Campaign.id).correlate(Campaign).scalar_subquery()
     done = (
         select(func.count(func.distinct(Episode.trial_id)))
@@ -212,33 +179,28 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
         .join(Site, Site.id == Campaign.site_id)
         .order_by(Campaign.id)
     )
-    with _reader(engine) as connection:
+    with transaction(reading(engine)) as connection:
         return tuple(CampaignState(*row) for row in connection.execute(query))
 
 
 def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
-    """Return the image directories of those of these episodes that are in the record.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
-    wanted = sorted(uuids)
-    found: dict[str, str] = {}
-    with _reader(engine) as connection:
-        for first in range(0, len(wanted), _AT_ONCE):
-            some = Episode.uuid.in_(wanted[first : first + _AT_ONCE])
-            found |= {row.uuid: row.images_directory for row in connection.execute(_PLACES.where(some))}
-    return found
+    """Return the image directories of those of these episodes that are in the record."""
+    query = select(Episode.uuid, Episode.images_directory)
+    with transaction(reading(engine)) as connection:
+        rows = [row for some in parts(uuids) for row in connection.execute(query.where(Episode.uuid.in_(some)))]
+    return {row.uuid: row.images_directory for row in rows}
 
 
-_AT_ONCE = 500
-_PLACES = select(Episode.uuid, Episode.images_directory)
+def recorded_models(engine: Engine) -> set[str]:
+    """Return the names of all models with campaigns; codes for blinded arms."""
+    with transaction(reading(engine)) as connection:
+        return set(connection.scalars(episodes_of_campaigns(MODEL_NAME).distinct()))
 
 
-@contextmanager
-def _reader(engine: Engine) -> Iterator[Connection]:
-    with record_errors(engine), reading(engine).begin() as connection:
-        yield connection
+def recorded_goals(engine: Engine) -> set[str]:
+    """Return the goals that have trials."""
+    with transaction(reading(engine)) as connection:
+        return set(connection.scalars(select(Trial.goal).distinct()))
 
 
 def _summary_query() -> Select[*tuple[Any, ...]]:

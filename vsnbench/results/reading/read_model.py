@@ -86,6 +86,17 @@ def episodes_of_campaigns(*columns: Any) -> Select[Any]:
     )
 
 
+def first_attempt(trial_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
+    """Return the id of the first episode of a trial that is not void, as a scalar subquery."""
+    episode = aliased(Episode)
+    return (
+        select(func.min(episode.id))
+        .where(episode.trial_id == trial_id, episode.state != EpisodeState.VOID.value)
+        .correlate(trial_id.class_)
+        .scalar_subquery()
+    )
+
+
 def episodes_holding_trial(trial_id: InstrumentedAttribute[int] | BindParameter[Any]) -> Select[int, str]:
     """Select id and state of the active episodes and results of a trial."""
     episode = aliased(Episode)

@@ -79,15 +79,13 @@ class EpisodeSummary:
     @property
     def outcome(self) -> str:
         """`success`, `failure`, `void`, `running` or `unjudged`."""
-        match self.state:
-            case EpisodeState.JUDGED:
-                return "success" if self.success else "failure"
-            case EpisodeState.VOID:
-                return "void"
-            case EpisodeState.AWAITING:
-                return "unjudged"
-            case _:
-                return "running"
+        judged = "success" if self.success else "failure"
+        known: dict[str, str] = {
+            EpisodeState.JUDGED: judged,
+            EpisodeState.VOID: "void",
+            EpisodeState.AWAITING: "unjudged",
+        }
+        return known.get(self.state, "running")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from sqlalchemy import Engine, func, select
 
 from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.reading.read_model import episodes_of_campaigns
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Site
 from vsnbench.results.writing.lifecycle import RESULTS
 
@@ -43,7 +43,7 @@ def throughput_of(engine: Engine) -> Throughput:
         .where(results)
         .group_by(Campaign.id, Model.name, Site.name)
     )
-    with record_errors(engine), reading(engine).begin() as connection:
+    with transaction(reading(engine)) as connection:
         campaigns = {
             row.id: (row.seed, text_of_conditions(row.conditions))
             for row in connection.execute(select(Campaign.id, Campaign.seed, Campaign.conditions))

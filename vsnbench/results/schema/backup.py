@@ -3,6 +3,7 @@
 import os
 import sqlite3
 import subprocess
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -14,11 +15,9 @@ from vsnbench.results.schema.guard import refuse_foreign_schema
 
 
 def backup(url: str, target: Path) -> None:
-    """Copy the database to `target` atomically while others may be writing.
+    """Copy the database to a new file atomically while others may be writing.
 
-    Args:
-        url: the database; SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
-        target: must not exist.
+    SQLite is copied as a file, PostgreSQL with `pg_dump` in its custom format.
 
     Raises:
         RecordError: the copy cannot be made.
@@ -55,17 +54,25 @@ def _copy_sqlite(source: Path, target: Path) -> None:
 
 def _dump_postgresql(url: str, target: Path) -> None:
     connection, secrets = libpq_connection(url)
+    run_postgresql_client(
+        ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"], secrets
+    )
+
+
+def run_postgresql_client(command: Sequence[str], secrets: Mapping[str, str]) -> str:
+    """Run a program of PostgreSQL's client with further environment variables, and return its output.
+
+    Raises:
+        RecordError: the program is not installed, or failed.
+    """
+    program, environment = command[0], {**os.environ, **secrets}
     try:
-        done = subprocess.run(
-            ["pg_dump", "--no-password", "--format=custom", f"--file={target}", f"--dbname={connection}"],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **secrets},
-        )
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     except FileNotFoundError as error:
         raise RecordError(
-            "a backup of PostgreSQL requires the program pg_dump", advice="install postgresql-client"
+            f"a backup of a PostgreSQL database requires the program {program}", advice="install postgresql-client"
         ) from error
     if done.returncode:
-        raise RecordError(f"pg_dump failed: {(done.stderr.strip().splitlines() or ['no reason given'])[0]}")
+        reason = (done.stderr.strip().splitlines() or ["no reason given"])[0]
+        raise RecordError(f"{program} failed: {reason}", advice="nothing was changed")
+    return done.stdout

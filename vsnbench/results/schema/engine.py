@@ -94,6 +94,16 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockWait | None 
     return engine
 
 
+@contextmanager
+def opened_engine(url: str, *, read_only: bool = False) -> Iterator[Engine]:
+    """Open a database as `open_engine` does, and close it at the end of the block."""
+    engine = open_engine(url, read_only=read_only)
+    try:
+        yield engine
+    finally:
+        engine.dispose()
+
+
 def opened_urls() -> tuple[str, ...]:
     """Return the URLs of the databases that this process has opened, in order."""
     return tuple(_opened)
@@ -123,11 +133,7 @@ def sqlite_reader(path: Path) -> Callable[[], sqlite3.Connection]:
 
 
 def _copied(path: Path, wal: Path) -> Path:
-    """Return a copy of a database and its WAL in a temporary directory of this process.
-
-    Raises:
-        RecordError: there is not enough space.
-    """
+    """Return a copy of a database and its WAL in a temporary directory of this process."""
     scratch = ScratchDirectory("record")
     atexit.register(scratch.remove)
     try:
@@ -281,24 +287,19 @@ def to_json(value: object, *, in_order: bool = False) -> str:
 
 
 def _plain(value: object) -> object:
-    kind = type(value)
-    if kind is float:  # the most frequent type in a step's details
-        return value if math.isfinite(value) else None  # type: ignore[arg-type]
-    if kind is list or kind is tuple:
-        return [_plain(item) for item in value]  # type: ignore[attr-defined]
+    if isinstance(value, float):  # the most frequent type in a step's details
+        return value if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
     match value:
         case None | bool() | int():
             return value
         case str():
             return value.replace("\x00", "\N{REPLACEMENT CHARACTER}")  # PostgreSQL does not accept NUL in text
-        case float():
-            return value if math.isfinite(value) else None
         case Mapping():
             return {str(key): _plain(item) for key, item in value.items()}
         case np.ndarray() | np.generic():
             return _plain(value.tolist())
-        case list() | tuple():
-            return [_plain(item) for item in value]
         case set() | frozenset():
             return sorted((_plain(item) for item in value), key=str)
         case _:

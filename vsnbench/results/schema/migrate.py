@@ -15,7 +15,7 @@ from vsnbench.errors import RecordError
 from vsnbench.files.atomic import part_path
 from vsnbench.files.package_data import resource_directory
 from vsnbench.results.database_url import sqlite_path
-from vsnbench.results.schema.engine import database_label, open_engine, record_errors
+from vsnbench.results.schema.engine import database_label, opened_engine, record_errors
 from vsnbench.results.schema.tables import Campaign, Model, Robot, Site
 
 if TYPE_CHECKING:
@@ -29,14 +29,11 @@ NEWEST: Final = "newest.sql"
 
 @dataclass(frozen=True, slots=True)
 class SchemaState:
-    """Schema revision of a database and the pending migrations."""
+    """Schema revision of a database, and that of this version of vsnbench."""
 
     current: str | None
     """Revision of the database; None if it is empty."""
     head: str
-    """Revision of this version of vsnbench."""
-    pending: tuple[str, ...]
-    """Revisions in between, in order."""
 
     @property
     def up_to_date(self) -> bool:
@@ -45,7 +42,7 @@ class SchemaState:
 
 
 def schema_state(engine: Engine) -> SchemaState:
-    """Return the revision of a database and the pending migrations.
+    """Return the revision of a database.
 
     Raises:
         RecordError: the database cannot be read, is from a newer vsnbench, or is not a record.
@@ -62,12 +59,9 @@ def open_record(url: str) -> Iterator[Engine]:
         UsageError: the URL is invalid.
         RecordError: no record exists, or its schema is not the current one.
     """
-    engine = open_engine(url, read_only=True)
-    try:
+    with opened_engine(url, read_only=True) as engine:
         _check_readable(engine)
         yield engine
-    finally:
-        engine.dispose()
 
 
 def _check_readable(engine: Engine) -> None:
@@ -95,11 +89,9 @@ def _empty_record() -> bytes:
 
 def newest_sql() -> str:
     """Return the SQL of an empty record, as the migrations make it."""
-    engine = open_engine("sqlite://")
-    with engine.connect() as connection:  # an in-memory database exists as long as its connection
-        upgrade(engine)
+    with opened_engine("sqlite://") as engine, engine.connect() as connection:
+        upgrade(engine)  # an in-memory database exists as long as its connection
         lines = "\n".join(_raw(connection).iterdump())
-    engine.dispose()
     return f"-- Written by scripts/make_docs.py from the migrations.\n{lines}\n"
 
 
@@ -133,13 +125,10 @@ def create_record(url: str) -> None:
 @contextmanager
 def record_in_memory() -> Iterator[Engine]:
     """Yield an empty record in memory."""
-    engine = open_engine("sqlite://")
-    try:
+    with opened_engine("sqlite://") as engine:
         with engine.connect() as connection:
             _raw(connection).deserialize(_empty_record())
         yield engine  # its connections of this thread are the same
-    finally:
-        engine.dispose()
 
 
 def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
@@ -156,7 +145,7 @@ def upgrade(engine: Engine, *, is_copy: bool = False) -> SchemaState:
         RecordError: as in `schema_state`; or the database cannot be written, or an older vsnbench is using it.
     """
     if _has_head(engine):
-        return SchemaState(HEAD, HEAD, ())
+        return SchemaState(HEAD, HEAD)
     from alembic import command
 
     before = schema_state(engine)
@@ -188,11 +177,7 @@ _ADVISORY_LOCK = 7_305_514_013
 
 
 def _check_campaigns(engine: Engine) -> None:
-    """Check that no campaign refers to a missing row, because it would be missing from every table.
-
-    Raises:
-        RecordError: a row was deleted by hand.
-    """
+    """Check that no campaign refers to a missing row, because it would be missing from every table."""
     query = (
         select(Campaign.id, Model.id, Robot.id, Site.id)
         .outerjoin(Model, Model.id == Campaign.model_id)
@@ -213,11 +198,7 @@ def _check_campaigns(engine: Engine) -> None:
 
 
 def _check_nobody_writes(connection: Connection) -> None:
-    """Check that no other process is recording an episode.
-
-    Raises:
-        RecordError: an older vsnbench is using the database.
-    """
+    """Check that no other process is recording an episode."""
     from vsnbench.results.writing.provenance import this_process
     from vsnbench.results.writing.recovery import live_writers
 
@@ -258,7 +239,6 @@ def _state(connection: Connection) -> SchemaState:
 
     scripts = ScriptDirectory.from_config(_config())
     head = scripts.get_current_head() or ""
-    order = [script.revision for script in reversed(list(scripts.walk_revisions()))]
     # Read before the revision: another process may create the record between the two queries.
     tables = inspect(connection).get_table_names()
     try:
@@ -271,20 +251,18 @@ def _state(connection: Connection) -> SchemaState:
     if current is None:
         if tables:
             raise RecordError(
-                f"the database {database_label(connection.engine)} holds other "
-                f"tables ({', '.join(sorted(tables)[:3])}) and no "
-                "record of vsnbench",
+                f"the database {database_label(connection.engine)} holds other tables "
+                f"({', '.join(sorted(tables)[:3])}) and no record of vsnbench",
                 advice="choose another database",
             )
-        return SchemaState(None, head, tuple(order))
-    if current not in order:
+        return SchemaState(None, head)
+    if current not in {script.revision for script in scripts.walk_revisions()}:
         raise RecordError(
-            f"the database {database_label(connection.engine)} was written by a newer vsnbench "
-            f"(its schema is {current}, this "
-            f"version knows up to {head})",
+            f"the database {database_label(connection.engine)} was written by a newer vsnbench (its schema is "
+            f"{current}, this version knows up to {head})",
             advice="upgrade vsnbench, or choose another results directory",
         )
-    return SchemaState(current, head, tuple(order[order.index(current) + 1 :]))
+    return SchemaState(current, head)
 
 
 def _check_foreign_keys(connection: Connection) -> None:
@@ -293,8 +271,7 @@ def _check_foreign_keys(connection: Connection) -> None:
         table, row, parent, _ = orphans[0]
         raise RecordError(
             f"cannot upgrade the database {database_label(connection.engine)}: row {row} of {table} refers to a "
-            f"missing row of {parent} "
-            f"({len(orphans)} such rows); nothing was changed, restore a backup"
+            f"missing row of {parent} ({len(orphans)} such rows); nothing was changed, restore a backup"
         )
 
 

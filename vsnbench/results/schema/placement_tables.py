@@ -5,8 +5,7 @@ from datetime import datetime
 from sqlalchemy import ForeignKey
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.column_types import JsonValue
+from vsnbench.results.schema.base import Base, JsonValue
 
 
 class Placement(Base):

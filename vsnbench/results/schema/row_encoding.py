@@ -1,6 +1,8 @@
 """Converts values to table columns and back, and inserts rows safely with concurrent processes."""
 
 import math
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,6 +21,21 @@ Row = dict[str, Any]
 """Column name -> value."""
 
 
+_AT_ONCE = 500
+
+
+def parts(numbers: Iterable[Any]) -> Iterator[list[Any]]:
+    """Yield sorted values in lists that are short enough for `IN` in every database."""
+    ordered = sorted(numbers)
+    return (ordered[first : first + _AT_ONCE] for first in range(0, len(ordered), _AT_ONCE))
+
+
+def columns_of_fields(table: type[Base], kind: type[Any]) -> list[Any]:
+    """Return the columns of a table that have the names of a dataclass's fields."""
+    columns = table.__table__.c
+    return [columns[field.name] for field in fields(kind) if field.name in columns]
+
+
 def number(value: float | None) -> float | None:
     """Return a number for the record: NULL if it is not finite."""
     return None if value is None or not math.isfinite(value) else float(value)
@@ -31,11 +48,7 @@ def text(value: str) -> str:
 
 def pose_columns(prefix: str, pose: Pose | None) -> Row:
     """Return `<prefix>_x_m`, `_y_m` and `_heading_rad`."""
-    return {
-        f"{prefix}_x_m": pose.x_m if pose else None,
-        f"{prefix}_y_m": pose.y_m if pose else None,
-        f"{prefix}_heading_rad": pose.heading_rad if pose else None,
-    }
+    return {f"{prefix}_{name}": getattr(pose, name) if pose else None for name in ("x_m", "y_m", "heading_rad")}
 
 
 def pose_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | None) -> Pose | None:
@@ -47,6 +60,17 @@ def fix_of_columns(x_m: float | None, y_m: float | None, heading_rad: float | No
     """Return the pose of three columns with its source; None unless it is complete."""
     pose = pose_of_columns(x_m, y_m, heading_rad)
     return None if pose is None or source is None else Fix(pose, PoseSource(source))
+
+
+def _distance_columns(verdict: Verdict | None, distance_column: str) -> Row:
+    """Return the columns of the distance of a verdict; NULL without one."""
+    distance = verdict.distance if verdict else None
+    return {
+        distance_column: number(distance.distance_m) if distance else None,
+        "distance_source": distance.source.value if distance else None,
+        "goal_instance": distance.instance if distance else None,
+        "goal_in_sight": distance.in_sight if distance else None,
+    }
 
 
 def process_row(given: Provenance) -> Row:
@@ -68,6 +92,11 @@ def process_row(given: Provenance) -> Row:
     }
 
 
+def event_row(kind: str, words: str, *, author: str = "", **where: int | None) -> Row:
+    """Return the row of an event that happens now, with the columns of the campaign, episode or step."""
+    return {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC), **where}
+
+
 def episode_begin_row(begin: EpisodeBegin) -> Row:
     """Return the columns set at an episode's beginning."""
     return {
@@ -75,11 +104,6 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
         "geodesic_start_m": number(begin.geodesic_m),
         **({} if begin.has_images else {"images_directory": ""}),
     }
-
-
-def placement_row(start: Fix) -> Row:
-    """Return the columns set when the robot is placed."""
-    return {**pose_columns("start", start.pose), "start_source": start.source.value}
 
 
 def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
@@ -107,7 +131,6 @@ def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> R
 
 def episode_end_row(end: EpisodeEnd) -> Row:
     """Return the columns set at an episode's end."""
-    distance = end.verdict.distance if end.verdict else None
     return {
         "ended_at": end.ended_at or datetime.now(UTC),
         "end_reason": end.end_reason.value,
@@ -117,10 +140,7 @@ def episode_end_row(end: EpisodeEnd) -> Row:
         "geodesic_end_m": number(end.geodesic_m),
         "duration_s": number(end.duration_s),
         "wall_duration_s": number(end.wall_duration_s),
-        "distance_to_goal_m": number(distance.distance_m) if distance else None,
-        "distance_source": distance.source.value if distance else None,
-        "goal_instance": distance.instance if distance else None,
-        "goal_in_sight": distance.in_sight if distance else None,
+        **_distance_columns(end.verdict, "distance_to_goal_m"),
         **pose_columns("final", end.final.pose if end.final else None),
         "final_source": end.final.source.value if end.final else None,
     }
@@ -130,17 +150,13 @@ def verdict_row(
     episode_id: int, verdict: Verdict, *, author: str, source: str, note: str = "", proposed: bool = False
 ) -> Row:
     """Return the row of a verdict given now."""
-    distance = verdict.distance
     return {
         "episode_id": episode_id,
         "created_at": datetime.now(UTC),
         "proposed": proposed,
         "success": verdict.success,
         "end_reason": verdict.end_reason.value,
-        "distance_m": number(distance.distance_m) if distance else None,
-        "distance_source": distance.source.value if distance else None,
-        "goal_instance": distance.instance if distance else None,
-        "goal_in_sight": distance.in_sight if distance else None,
+        **_distance_columns(verdict, "distance_m"),
         "author": text(author),
         "source": source,
         "reason": text(verdict.text),

@@ -129,9 +129,9 @@ class RecordedStudy:
     def reveals_arm(self, words: str) -> bool:
         """Whether a text names a model of a blinded study; names of one or two letters are ignored."""
         known = {word.lower() for arm in self.arms for word in (arm.name, arm.model, arm.weights_label) if word}
-        said = words.lower()
-        by_itself = set(re.findall("[a-z0-9]+", said))
-        return self.is_blind and any(word in (said if len(word) > _IN_EVERY_WORD else by_itself) for word in known)
+        text = words.lower()
+        by_itself = set(re.findall("[a-z0-9]+", text))
+        return self.is_blind and any(word in (text if len(word) > _IN_EVERY_WORD else by_itself) for word in known)
 
     @property
     def by_name(self) -> Mapping[str, RecordedArm]:

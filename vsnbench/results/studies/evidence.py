@@ -8,7 +8,7 @@ from sqlalchemy import Connection, Engine, select
 
 from vsnbench.results.goals import with_goals
 from vsnbench.results.reading.episode_numbers import missing_numbers
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
 from vsnbench.results.schema.tables import Campaign, Episode, Site, Trial
 from vsnbench.results.studies.entries import LockedTrial
@@ -53,7 +53,7 @@ def read_evidence(engine: Engine, study_id: int) -> StudyEvidence:
     Raises:
         RecordError: the database cannot be read.
     """
-    with record_errors(engine), reading(engine).begin() as connection:
+    with transaction(reading(engine)) as connection:
         study = connection.execute(select(Study.seed, Study.log_heads).where(Study.id == study_id)).one()
         entries = connection.execute(select(StudyEntry.__table__).where(StudyEntry.study_id == study_id)).mappings()
         return StudyEvidence(

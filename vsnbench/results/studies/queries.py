@@ -1,4 +1,7 @@
-"""Queries about studies: plan, history and progress."""
+"""Queries about studies: plan, history and progress.
+
+Those that take an engine raise RecordError if the database cannot be read.
+"""
 
 from itertools import pairwise
 from statistics import median
@@ -6,8 +9,9 @@ from statistics import median
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.metrics import known_progress
-from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id
-from vsnbench.results.schema.engine import reading, record_errors
+from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id, first_attempt
+from vsnbench.results.schema.engine import reading, transaction
+from vsnbench.results.schema.row_encoding import columns_of_fields
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Process, Robot, Session, Site, Trial, Verdict
 from vsnbench.results.studies.entries import (
@@ -25,12 +29,8 @@ from vsnbench.results.writing.provenance import ProcessIdentity, this_process
 
 
 def studies(engine: Engine) -> tuple[RecordedStudy, ...]:
-    """Return all studies of the record.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
-    with record_errors(engine), reading(engine).begin() as connection:
+    """Return all studies of the record."""
+    with transaction(reading(engine)) as connection:
         return tuple(
             read_study(connection, study_id) for study_id in connection.scalars(select(Study.id).order_by(Study.id))
         )
@@ -38,7 +38,7 @@ def studies(engine: Engine) -> tuple[RecordedStudy, ...]:
 
 def read_study(connection: Connection, study_id: int) -> RecordedStudy:
     """Return an existing study."""
-    row = connection.execute(select(Study.__table__).where(Study.id == study_id)).one()
+    study = connection.execute(select(*columns_of_fields(Study, RecordedStudy)).where(Study.id == study_id))
     arms = connection.execute(
         select(
             *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, Campaign.key.label("campaign_key")),
@@ -51,29 +51,12 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
         .order_by(StudyArm.code)
     )
     entries = connection.execute(
-        select(
-            StudyEntry.created_at,
-            StudyEntry.kind,
-            StudyEntry.author,
-            StudyEntry.reason,
-            StudyEntry.text,
-            StudyEntry.results,
-            StudyEntry.process_id,
-        )
+        select(*columns_of_fields(StudyEntry, StudyEntryRow))
         .where(StudyEntry.study_id == study_id)
         .order_by(StudyEntry.created_at, StudyEntry.id)
     )
     return RecordedStudy(
-        id=row.id,
-        uuid=row.uuid,
-        title=row.title,
-        content=row.content,
-        sha256=row.sha256,
-        locked_sha256=row.locked_sha256,
-        schedule_sha256=row.schedule_sha256,
-        blind=row.blind,
-        locked_at=row.locked_at,
-        unblinded_at=row.unblinded_at,
+        **study.mappings().one(),
         arms=tuple(RecordedArm(**row) for row in arms.mappings()),
         entries=tuple(StudyEntryRow(**row) for row in entries.mappings()),
     )
@@ -84,17 +67,8 @@ def study_progress(
 ) -> tuple[StudyTrialProgress, ...]:
     """Return the progress of all scheduled trials in the order of the schedule.
 
-    Args:
-        connection: a transaction that reads.
-        study_id: number of the study.
-        process_id: process whose trials are `here`; None for no process.
+    Trials of the process are `here`.
     """
-    first = (
-        select(func.min(Episode.id))
-        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state != EpisodeState.VOID.value)
-        .correlate(StudyTrial)
-        .scalar_subquery()
-    )
     voids, results = (
         select(func.count())
         .select_from(Episode)
@@ -114,7 +88,7 @@ def study_progress(
         .select_from(StudyTrial)
         .join(Trial, Trial.id == StudyTrial.trial_id)
         .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
-        .outerjoin(Episode, Episode.id == first)
+        .outerjoin(Episode, Episode.id == first_attempt(StudyTrial.trial_id))
         .outerjoin(Verdict, (Verdict.id == current_verdict_id(Episode.id)) & STANDS)
         .outerjoin(Process, Process.id == Episode.process_id)
         .outerjoin(Session, Session.id == Episode.session_id)
@@ -142,28 +116,20 @@ def study_progress(
 
 
 def trials_of(engine: Engine, study_id: int) -> tuple[StudyTrialProgress, ...]:
-    """Return the progress of all scheduled trials in the order of the schedule.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
-    with record_errors(engine), reading(engine).begin() as connection:
+    """Return the progress of all scheduled trials in the order of the schedule."""
+    with transaction(reading(engine)) as connection:
         return study_progress(connection, study_id)
 
 
 def directories_of(engine: Engine, identity: str) -> tuple[str, ...]:
-    """Return the image directories of all episodes of a study, including void ones, relative to the results directory.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return the image directories of all episodes of a study, also of void ones."""
     query = (
         select(Episode.images_directory)
         .join(StudyTrial, StudyTrial.trial_id == Episode.trial_id)
         .join(Study, Study.id == StudyTrial.study_id)
         .where(Study.uuid == identity, Episode.images_directory != "")
     )
-    with record_errors(engine), reading(engine).begin() as connection:
+    with transaction(reading(engine)) as connection:
         return tuple(connection.scalars(query))
 
 
@@ -172,10 +138,7 @@ def session_of_another(connection: Connection, study_id: int, process_id: int) -
     over = select(StudyEntry.process_id).where(StudyEntry.study_id == study_id, StudyEntry.kind == SESSION_END)
     rows = connection.execute(
         select(Process)
-        .with_only_columns(
-            *(Process.host, Process.pid, Process.boot_id, Process.pid_namespace, Process.start_ticks),
-            *(Process.operator, StudyEntry.created_at),
-        )
+        .with_only_columns(*columns_of_fields(Process, ProcessIdentity), Process.operator, StudyEntry.created_at)
         .join(StudyEntry, StudyEntry.process_id == Process.id)
         .where(
             StudyEntry.study_id == study_id,
@@ -196,9 +159,6 @@ def trial_duration_s(engine: Engine, robot: str) -> tuple[float, int]:
     """Return the median time between the ends of consecutive episodes of a process, and their number.
 
     This includes placing and judging. Pauses of more than an hour are ignored.
-
-    Raises:
-        RecordError: the database cannot be read.
     """
     query = (
         select(Episode.process_id, Episode.ended_at)
@@ -208,7 +168,7 @@ def trial_duration_s(engine: Engine, robot: str) -> tuple[float, int]:
         .where(Robot.name == robot, Episode.ended_at.is_not(None), Episode.origin == "run")
         .order_by(Episode.process_id, Episode.ended_at)
     )
-    with record_errors(engine), reading(engine).begin() as connection:
+    with transaction(reading(engine)) as connection:
         rows = [(process, ended) for process, ended in connection.execute(query) if ended is not None]
     between = [
         (later[1] - earlier[1]).total_seconds()
@@ -243,12 +203,8 @@ def blind_study_like(connection: Connection, plan: CampaignPlan) -> str:
 
 
 def study_that_claims(engine: Engine, plan: CampaignPlan) -> str:
-    """Return why a recorded study reserves a campaign, or an empty string.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
-    with record_errors(engine), reading(engine).begin() as connection:
+    """Return why a recorded study reserves a campaign, or an empty string."""
+    with transaction(reading(engine)) as connection:
         if title := blind_study_like(connection, plan):
             return (
                 f"seed {plan.seed} is that of the blinded study {title!r}, and no model may use it outside of the study"
@@ -258,16 +214,12 @@ def study_that_claims(engine: Engine, plan: CampaignPlan) -> str:
 
 
 def study_of_campaign(engine: Engine, key: str) -> str:
-    """Return the title of the study that has this campaign as an arm, or an empty string.
-
-    Raises:
-        RecordError: the database cannot be read.
-    """
+    """Return the title of the study that has this campaign as an arm, or an empty string."""
     found = (
         select(Study.title)
         .join(StudyArm, StudyArm.study_id == Study.id)
         .join(Campaign, Campaign.id == StudyArm.campaign_id)
         .where(Campaign.key == key)
     )
-    with record_errors(engine), reading(engine).begin() as connection:
+    with transaction(reading(engine)) as connection:
         return connection.execute(found).scalar() or ""

@@ -19,68 +19,52 @@ from vsnbench.results.writing.lifecycle import RESULTS
 
 
 def lock_study(connection: Connection, lock: StudyLock, process_id: int) -> int:
-    """Write a study with its campaigns, their trials and the schedule, and return its number.
-
-    Raises:
-        StudyError: a campaign belongs to another study, or one of the trials has episodes.
-    """
+    """Write a study within a transaction, and return its number; see `Journal.lock_study`."""
     for arm in lock.arms:
         if other := blind_study_like(connection, arm.plan):
             raise StudyError(f"seed {lock.seed} is that of the blinded study {other!r}: choose another seed")
-    study_id = insert_row(
-        connection,
-        Study,
-        {
-            "uuid": str(uuid.uuid4()),
-            "title": text(lock.title),
-            "content": lock.content,
-            "sha256": lock.sha256,
-            "locked_sha256": lock.sha256,
-            "schedule_sha256": lock.schedule_sha256,
-            "seed": lock.seed,
-            "blind": lock.blind,
-            "locked_at": datetime.now(UTC),
-            "unblinded_at": None,
-            "process_id": process_id,
-            "log_heads": "",
-        },
-    )
+    study = {
+        "uuid": str(uuid.uuid4()),
+        "title": text(lock.title),
+        "content": lock.content,
+        "sha256": lock.sha256,
+        "locked_sha256": lock.sha256,
+        "schedule_sha256": lock.schedule_sha256,
+        "seed": lock.seed,
+        "blind": lock.blind,
+        "locked_at": datetime.now(UTC),
+        "unblinded_at": None,
+        "process_id": process_id,
+        "log_heads": "",
+    }
+    study_id = insert_row(connection, Study, study)
     trial_ids: dict[tuple[str, str, int, int], int] = {}
     for arm in sorted(lock.arms, key=lambda arm: arm.code):  # so that row numbers do not reveal the arms
         campaign = campaigns.find_or_create(connection, arm.plan, process_id)
-        taken = connection.execute(
-            select(Study.title).join(StudyArm).where(StudyArm.campaign_id == campaign.id)
-        ).scalar()
+        taken = connection.scalar(select(Study.title).join(StudyArm).where(StudyArm.campaign_id == campaign.id))
         if taken is not None:
             raise StudyError(
                 f"arm {arm.name} with seed {lock.seed} already belongs to the study {taken!r}: choose another seed"
             )
         ids = [trial.id for trial in campaign.trials]
-        begun = connection.execute(
-            select(func.count()).select_from(Episode).where(Episode.trial_id.in_(ids))
-        ).scalar_one()
-        if begun:
+        if begun := connection.scalar(select(func.count(Episode.id)).where(Episode.trial_id.in_(ids))):
             raise StudyError(
                 f"arm {arm.name} has {begun} episodes of these trials from before the lock: choose another seed, or "
                 "another results directory with --results"
             )
-        connection.execute(
-            insert(StudyArm),
-            {"study_id": study_id, "campaign_id": campaign.id, "name": text(arm.name), "code": arm.code},
-        )
+        row = {"study_id": study_id, "campaign_id": campaign.id, "name": text(arm.name), "code": arm.code}
+        connection.execute(insert(StudyArm), row)
         trial_ids |= {(arm.name, trial.goal, trial.start, trial.repetition): trial.id for trial in campaign.trials}
-    connection.execute(
-        insert(StudyTrial),
-        [
-            {
-                "study_id": study_id,
-                "trial_id": trial_ids[trial.arm, trial.goal, trial.start, trial.repetition],
-                "rank": trial.rank,
-                "block": trial.block,
-            }
-            for trial in lock.trials
-        ],
-    )
+    schedule = [
+        {
+            "study_id": study_id,
+            "trial_id": trial_ids[trial.arm, trial.goal, trial.start, trial.repetition],
+            "rank": trial.rank,
+            "block": trial.block,
+        }
+        for trial in lock.trials
+    ]
+    connection.execute(insert(StudyTrial), schedule)
     locked = {
         "plan": lock.sha256,
         "schedule": lock.schedule_sha256,
@@ -104,14 +88,7 @@ def add_entry(
 ) -> None:
     """Append an entry to the history of a study, with its author and the number of results.
 
-    Args:
-        connection: a transaction that may write.
-        study_id: number of the study.
-        process_id: process of the author.
-        kind: one of the kinds of `study_entries`.
-        reason: reason given by the author.
-        words: changes.
-        logged: further content for the study's log.
+    `logged` is further content for the study's log.
     """
     author = connection.execute(select(Process.operator).where(Process.id == process_id)).scalar_one()
     entry = {
@@ -134,7 +111,7 @@ def logged_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def amend_study(connection: Connection, study_id: int, process_id: int, change: StudyChange) -> None:
-    """Replace the plan of a study, and record the changes, the author and the reason."""
+    """Replace the plan of a study within a transaction; see `Journal.amend_study`."""
     changed = {"plan": change.sha256}
     add_entry(connection, study_id, process_id, AMEND, reason=change.reason, words=change.lines, logged=changed)
     connection.execute(
@@ -145,11 +122,7 @@ def amend_study(connection: Connection, study_id: int, process_id: int, change: 
 
 
 def unblind_study(connection: Connection, study_id: int, process_id: int, *, reason: str) -> None:
-    """Unblind a study for good.
-
-    Raises:
-        StudyError: the study is not blinded.
-    """
+    """Unblind a study within a transaction; see `Journal.unblind_study`."""
     changed = connection.execute(
         update(Study)
         .where(Study.id == study_id, Study.blind.is_(True), Study.unblinded_at.is_(None))

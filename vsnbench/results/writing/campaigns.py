@@ -7,15 +7,15 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Self
 
-from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy import Connection, func, select
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.goals import refuse_lost_goals, store_goals
-from vsnbench.results.reading.read_model import SUCCESS, current_verdict_id
+from vsnbench.results.goals import store_goals
+from vsnbench.results.reading.read_model import SUCCESS, current_verdict_id, first_attempt
 from vsnbench.results.schema import tables
-from vsnbench.results.schema.engine import reading, to_json, transaction
+from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_if_absent, text
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState
 from vsnbench.sites.site import Site
@@ -43,6 +43,12 @@ class ModelIdentity:
     """SHA-256 of the files given to the model, by option."""
     code: Mapping[str, str] = field(default_factory=dict)
     """Class, source hash, package version and commit of a user's policy."""
+
+    @classmethod
+    def of_row(cls, row: Any) -> Self:
+        """Return the model of a row of the table `model`."""
+        names = ("name", "weights_sha256", "weights_label", "settings", "surveyed", "files", "code")
+        return cls(**{name: getattr(row, name) for name in names})
 
     @property
     def sha256(self) -> str:
@@ -102,16 +108,8 @@ class CampaignPlan:
     @property
     def key(self) -> str:
         """Hash of the condition and the seed, without the trials."""
-        return content_sha256(
-            [
-                self.site.sha256,
-                self.robot.sha256,
-                self.model.sha256,
-                self.protocol_sha256,
-                dict(self.conditions),
-                self.seed,
-            ]
-        )
+        parts = [self.site.sha256, self.robot.sha256, self.model.sha256, self.protocol_sha256]
+        return content_sha256([*parts, dict(self.conditions), self.seed])
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,15 +128,11 @@ class OpenCampaign:
     """An open campaign with the trials that were requested."""
 
     id: int
-    key: str
-    name: str
     seed: int
     resumed: bool
     """The campaign existed before."""
     trials: tuple[Trial, ...]
     """Requested trials in the order of the plan; the campaign may have more."""
-    added: int
-    """Number of requested trials that were not planned before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,27 +178,9 @@ class CampaignProgress:
         return tuple(bool(trial.success) for trial in self.trials if trial.state is EpisodeState.JUDGED)
 
 
-class CampaignWriter:
-    """Campaign methods of a journal; every method commits before it returns."""
-
-    engine: Engine
-    _process_id: int
-
-    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
-        """Return the campaign of a plan; new trials are added to it."""
-        with transaction(self.engine) as connection:
-            return find_or_create(connection, plan, self._process_id)
-
-    def campaign_progress(self, campaign: OpenCampaign) -> CampaignProgress:
-        """Return the states of the requested trials."""
-        with transaction(reading(self.engine)) as connection:
-            return campaign_progress(connection, campaign, self._process_id)
-
-
 def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
     """Return the campaign of a plan with all requested trials."""
-    key = plan.key
-    there = connection.execute(select(tables.Campaign.id).where(tables.Campaign.key == key)).scalar()
+    there = connection.scalar(select(tables.Campaign.id).where(tables.Campaign.key == plan.key))
     if there is None:
         there = find_or_insert(
             connection,
@@ -219,23 +195,18 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
             "key",
         )
     # On a server this row serves as the lock for concurrent extensions of a plan.
-    campaign = connection.execute(select(tables.Campaign).where(tables.Campaign.id == there).with_for_update()).one()
+    connection.execute(select(tables.Campaign.id).where(tables.Campaign.id == there).with_for_update())
     before = _trials(connection, there)
-    wanted = {trial.goal for trial in plan.trials}
-    goals = store_goals(connection, there, [goal for goal in plan.site.goals if goal.id in wanted])
-    refuse_lost_goals(connection, there, wanted - set(goals))
+    goals = store_goals(connection, there, plan.site.goals, {trial.goal for trial in plan.trials})
     new = [trial for trial in plan.trials if trial not in before]
     if new:
         extend_plan(connection, there, new, goals)
     known = _trials(connection, there) if new else before
     return OpenCampaign(
         id=there,
-        key=key,
-        name=campaign.name,
-        seed=campaign.seed,
+        seed=plan.seed,
         resumed=bool(before),
         trials=tuple(known[trial] for trial in plan.trials),
-        added=len(new),
     )
 
 
@@ -269,12 +240,6 @@ def extend_plan(
 
 def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id: int) -> CampaignProgress:
     """Return the states of the trials of an open campaign, in its order."""
-    first = (
-        select(func.min(tables.Episode.id))
-        .where(tables.Episode.trial_id == tables.Trial.id, tables.Episode.state != EpisodeState.VOID.value)
-        .correlate(tables.Trial)
-        .scalar_subquery()
-    )
     rows = connection.execute(
         select(
             tables.Trial.id,
@@ -286,7 +251,7 @@ def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id
             tables.Process.host,
         )
         .select_from(tables.Trial)
-        .join(tables.Episode, tables.Episode.id == first)
+        .join(tables.Episode, tables.Episode.id == first_attempt(tables.Trial.id))
         .join(tables.Process, tables.Process.id == tables.Episode.process_id)
         .outerjoin(tables.Verdict, tables.Verdict.id == current_verdict_id(tables.Episode.id))
         .where(tables.Trial.campaign_id == campaign.id)

@@ -1,6 +1,6 @@
 """Deletes episodes and campaigns for good; what is deleted is first set aside in a directory of its own."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,9 +12,9 @@ from vsnbench.errors import RecordError, UsageError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.schema.backup import backup
-from vsnbench.results.schema.engine import open_engine, transaction
+from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.placement_tables import Placement
-from vsnbench.results.schema.row_encoding import text
+from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.study_tables import StudyArm
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Step, Trial, Verdict
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -22,7 +22,6 @@ from vsnbench.results.writing.lifecycle import ACTIVE
 DELETED = "deleted"
 """Kind of events that say what was deleted, by whom and why."""
 _SET_ASIDE = "deleted"
-_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +80,7 @@ def delete_for_good(
         RecordError: the backup or the record cannot be written.
     """
     aside = results.path / _SET_ASIDE / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
-    engine = open_engine(results.database_url)
-    try:
+    with opened_engine(results.database_url) as engine:
         with transaction(engine) as connection:
             plan_deletion(connection, episodes, campaigns)
         try:
@@ -95,8 +93,6 @@ def delete_for_good(
         with transaction(engine) as connection:
             plan = plan_deletion(connection, episodes, campaigns)
             _delete(connection, plan, author=author, reason=reason)
-    finally:
-        engine.dispose()
     # After the commit: a crash in between leaves files without rows, never rows without files.
     for name in plan.images_directories:
         source = results.episode_directory(name)
@@ -107,26 +103,21 @@ def delete_for_good(
 
 
 def _delete(connection: Connection, plan: Deletion, *, author: str, reason: str) -> None:
-    event = {"kind": DELETED, "author": text(author), "created_at": datetime.now(UTC)}
-    what = [*_named(connection, Campaign.id, Campaign.key, "campaign", plan.campaigns)]
+    what = _named(connection, Campaign.id, Campaign.key, "campaign", plan.campaigns)
     what += _named(connection, Episode.id, Episode.uuid, "episode", plan.episodes)
-    for some in _parts(plan.episodes):
+    for some in parts(plan.episodes):
         for column in (Step.episode_id, Verdict.episode_id, Placement.episode_id, Event.episode_id, Episode.id):
             connection.execute(delete(column.class_).where(column.in_(some)))
     if plan.campaigns:
         for column in (Event.campaign_id, Trial.campaign_id, Campaign.id):
             connection.execute(delete(column.class_).where(column.in_(plan.campaigns)))
     if what:
-        connection.execute(insert(Event), [{**event, "text": text(f"{line}: {reason}")} for line in what])
+        connection.execute(insert(Event), [event_row(DELETED, f"{line}: {reason}", author=author) for line in what])
 
 
 def _named(connection: Connection, number: Any, identity: Any, kind: str, numbers: Collection[int]) -> list[str]:
     found = []
-    for some in _parts(tuple(numbers)):
+    for some in parts(numbers):
         query = select(number, identity).where(number.in_(some)).order_by(number)
         found += [f"{kind} {row[0]} ({row[1]})" for row in connection.execute(query)]
     return found
-
-
-def _parts(numbers: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
-    return (numbers[first : first + _AT_ONCE] for first in range(0, len(numbers), _AT_ONCE))

@@ -53,8 +53,6 @@ class RecoveredEpisode:
     """An episode of a dead process, closed as `interrupted`."""
 
     id: int
-    goal: str
-    start: int
     steps: int
     """Number of committed steps."""
     images_directory: str

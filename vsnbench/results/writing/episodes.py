@@ -1,7 +1,7 @@
 """Writes episodes: claim, placement, beginning, steps, end and judgements."""
 
 import uuid
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -10,17 +10,17 @@ from sqlalchemy import Connection, Engine, bindparam, delete, insert, select, up
 
 from vsnbench.errors import EpisodeClosedError
 from vsnbench.protocol.judge import Verdict
-from vsnbench.results.reading.episode_numbers import record_release
+from vsnbench.results.reading.episode_numbers import ReleasedClaim
 from vsnbench.results.reading.read_model import episodes_holding_trial
 from vsnbench.results.schema.engine import transaction
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import (
     episode_begin_row,
     episode_end_row,
+    event_row,
     insert_row,
     measured_row,
-    placement_row,
-    text,
+    pose_columns,
     verdict_row,
 )
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Trial
@@ -31,11 +31,13 @@ from vsnbench.results.writing.campaigns import trial_seed
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.judging import RETRACTED, judge, require_unchanged_judgement
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState, advance, lease
-from vsnbench.results.writing.sessions import operator_of
+from vsnbench.results.writing.sessions import session_of
 from vsnbench.results.writing.steps import StepStatements, step_row
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
 
+PlaceFiles = Callable[[str, str], None]
+"""Places the files of an episode, by its UUID, in a directory relative to the results directory, before the commit."""
 NOT_STARTED = (EpisodeState.CLAIMED, EpisodeState.PLACED)
 
 
@@ -85,7 +87,8 @@ class EpisodeWriter:
             EpisodeClosedError: the claim is lost, or the episode has begun.
         """
         with transaction(self.engine) as connection:
-            row = {**placement_row(start), "lease_until": lease(connection)}
+            row = {**pose_columns("start", start.pose), "start_source": start.source.value}
+            row["lease_until"] = lease(connection)
             advance(connection, episode_id, EpisodeState.PLACED, process_id=self._process_id, **row)
 
     def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
@@ -98,7 +101,8 @@ class EpisodeWriter:
             row = {**episode_begin_row(entry), "lease_until": lease(connection)}
             advance(connection, episode_id, EpisodeState.RUNNING, process_id=self._process_id, **row)
             if entry.measured is not None:
-                accepted = measured_row(episode_id, entry.measured, operator_of(connection, episode_id))
+                session = session_of(connection, episode_id)
+                accepted = measured_row(episode_id, entry.measured, session.operator if session else "")
                 connection.execute(insert(Placement), accepted)
 
     def release(self, episode_id: int) -> bool:
@@ -167,14 +171,21 @@ class EpisodeWriter:
         with transaction(self.engine) as connection:
             advance(connection, episode_id, EpisodeState.AWAITING, from_states=(EpisodeState.JUDGED, EpisodeState.VOID))
             require_unchanged_judgement(connection, episode_id, seen)
-            event = {"kind": RETRACTED, "author": text(author), "text": "the judgement was a slip"}
-            connection.execute(insert(Event), {**event, "episode_id": episode_id, "created_at": datetime.now(UTC)})
+            event = event_row(RETRACTED, "the judgement was a slip", author=author, episode_id=episode_id)
+            connection.execute(insert(Event), event)
             log_outcome(connection, episode_id)
 
 
 def images_directory(episode_id: int) -> str:
     """Return the directory of an episode's files, relative to the results directory."""
     return f"episodes/{episode_id:06d}"
+
+
+def attach_images(connection: Connection, episode_id: int) -> str:
+    """Record that an episode has images, and return their directory relative to the results directory."""
+    directory = images_directory(episode_id)
+    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
+    return directory
 
 
 def claim_first(connection: Connection, process_id: int, campaign_id: int, trial_ids: Sequence[int]) -> Claim | None:
@@ -239,7 +250,7 @@ def release(connection: Connection, episode_id: int) -> bool:
     if connection.execute(select(Episode.id).where(*unbegun).with_for_update()).first() is None:
         return False
     connection.execute(delete(Event).where(Event.episode_id == episode_id))
-    record_release(connection, episode_id)
+    connection.execute(insert(ReleasedClaim), {"number": episode_id, "released_at": datetime.now(UTC)})
     return connection.execute(delete(Episode).where(*unbegun)).rowcount == 1
 
 

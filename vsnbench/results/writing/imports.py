@@ -1,11 +1,11 @@
 """Imports episodes of other tools, all of a file or none, and withdraws imports."""
 
-import uuid
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from uuid import uuid4
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, insert, select
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
@@ -14,7 +14,7 @@ from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step, Trial
 from vsnbench.results.writing import campaigns
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.entries import EpisodeEnd
-from vsnbench.results.writing.episodes import end_episode, images_directory
+from vsnbench.results.writing.episodes import PlaceFiles, attach_images, end_episode
 from vsnbench.results.writing.judging import judge
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.steps import step_row
@@ -22,8 +22,6 @@ from vsnbench.values.step import StepRecord
 
 IMPORTED = "imported"
 """Origin of imported episodes, and kind of their robots."""
-
-KeepFiles = Callable[[int, str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +37,7 @@ class ImportedEpisode:
     author: str = ""
     """Author of the judgement."""
     has_images: bool = False
+    uuid: str = field(default_factory=lambda: str(uuid4()))
 
 
 def import_episodes(
@@ -46,7 +45,7 @@ def import_episodes(
     process_id: int,
     plan: CampaignPlan,
     episodes: Sequence[ImportedEpisode],
-    keep_files: KeepFiles | None = None,
+    place_files: PlaceFiles | None,
 ) -> tuple[int, tuple[int, ...]]:
     """Write the episodes within a transaction; see `Journal.import_campaign`."""
     campaign = campaigns.find_or_create(connection, plan, process_id)
@@ -57,12 +56,12 @@ def import_episodes(
             advice=f"`vsnbench db remove-import {campaign.id}` voids them",
         )
     numbers = []
-    for place, (trial, given) in enumerate(zip(campaign.trials, episodes, strict=True)):
+    for trial, given in zip(campaign.trials, episodes, strict=True):
         episode_id = insert_row(
             connection,
             Episode,
             {
-                "uuid": str(uuid.uuid4()),
+                "uuid": given.uuid,
                 "trial_id": trial.id,
                 "process_id": process_id,
                 "origin": IMPORTED,
@@ -75,10 +74,8 @@ def import_episodes(
                 "images_directory": "",
             },
         )
-        if given.has_images and keep_files:
-            directory = images_directory(episode_id)
-            connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
-            keep_files(place, directory)
+        if given.has_images and place_files:
+            place_files(given.uuid, attach_images(connection, episode_id))
         if given.steps:
             connection.execute(insert(Step), [step_row(episode_id, step) for step in given.steps])
         end_episode(connection, process_id, episode_id, given.end)

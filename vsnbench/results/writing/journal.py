@@ -1,30 +1,36 @@
 """The only writer of the record: campaigns, episodes, steps, verdicts and events, each committed immediately."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from datetime import UTC, datetime
-from types import TracebackType
+from collections.abc import Collection, Mapping, Sequence
 from typing import Self
 
 from sqlalchemy import Engine, insert
 
 from vsnbench.errors import RecordError
 from vsnbench.results.annotations import Annotation, annotate
-from vsnbench.results.merging.episodes import attach_images
-from vsnbench.results.merging.merge import PlaceFiles, apply_merge, lock_merges
-from vsnbench.results.merging.plan import MergePlan, OtherRecord, plan_merge
+from vsnbench.results.merging.episodes import OtherRecord
+from vsnbench.results.merging.merge import apply_merge, lock_merges
+from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.schema.engine import LockWait, open_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, upgrade
-from vsnbench.results.schema.row_encoding import insert_row, process_row, text
+from vsnbench.results.schema.row_encoding import event_row, insert_row, process_row, text
 from vsnbench.results.schema.tables import Event, Process
 from vsnbench.results.second_judgements import Outcome, add_second_judgement, retract_second_judgement
 from vsnbench.results.studies import writing
 from vsnbench.results.studies.entries import RecordedStudy, StudyChange, StudyLock, StudyTrialProgress
 from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.studies.queries import read_study, session_of_another, study_progress
-from vsnbench.results.writing.campaigns import CampaignPlan, CampaignWriter, ModelIdentity, OpenCampaign
+from vsnbench.results.writing import imports
+from vsnbench.results.writing.campaigns import (
+    CampaignPlan,
+    CampaignProgress,
+    ModelIdentity,
+    OpenCampaign,
+    campaign_progress,
+    find_or_create,
+)
 from vsnbench.results.writing.entries import RecoveredEpisode
-from vsnbench.results.writing.episodes import EpisodeWriter
-from vsnbench.results.writing.imports import ImportedEpisode, KeepFiles, import_episodes, withdraw
+from vsnbench.results.writing.episodes import EpisodeWriter, PlaceFiles, attach_images
+from vsnbench.results.writing.imports import ImportedEpisode
 from vsnbench.results.writing.model_history import differences, last_of_its_name
 from vsnbench.results.writing.provenance import Provenance, gather_provenance, this_process
 from vsnbench.results.writing.recovery import interrupted, orphaned_episodes, orphaned_sessions, recover_one
@@ -32,7 +38,7 @@ from vsnbench.results.writing.remote_episodes import BundledRows, store_bundle
 from vsnbench.results.writing.sessions import end_orphaned_session, end_sessions, join_session
 
 
-class Journal(CampaignWriter, EpisodeWriter):
+class Journal(EpisodeWriter):
     """An open record; a context manager that is safe for threads and processes.
 
     Every method commits before it returns, and raises RecordError if the database cannot be used.
@@ -55,10 +61,6 @@ class Journal(CampaignWriter, EpisodeWriter):
     @classmethod
     def open(cls, url: str, provenance: Provenance | None = None) -> Self:
         """Open a database for writing: create or migrate it if needed, and recover episodes of dead processes.
-
-        Args:
-            url: SQLAlchemy URL (`vsnbench.results.schema.engine.sqlite_url` makes one of a path).
-            provenance: description of the writing process; default: this process.
 
         Raises:
             RecordError: the database cannot be used, or is from a newer vsnbench.
@@ -85,10 +87,18 @@ class Journal(CampaignWriter, EpisodeWriter):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
+
+    def find_or_create_campaign(self, plan: CampaignPlan) -> OpenCampaign:
+        """Return the campaign of a plan; new trials are added to it."""
+        with transaction(self.engine) as connection:
+            return find_or_create(connection, plan, self._process_id)
+
+    def campaign_progress(self, campaign: OpenCampaign) -> CampaignProgress:
+        """Return the states of the requested trials."""
+        with transaction(reading(self.engine)) as connection:
+            return campaign_progress(connection, campaign, self._process_id)
 
     def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
         """Return the differences of a new campaign's model from the last one of that name, or an empty string."""
@@ -96,10 +106,9 @@ class Journal(CampaignWriter, EpisodeWriter):
             return ""
         with transaction(reading(self.engine)) as connection:
             last = last_of_its_name(connection, text(model.name), campaign.id)
-        found = differences(last[1], model) if last else ()
-        return (
-            f"model {model.name} differs from that of campaign {last[0]}: {', '.join(found)}" if last and found else ""
-        )
+        if last is None or not (found := differences(last[1], model)):
+            return ""
+        return f"model {model.name} differs from that of campaign {last[0]}: {', '.join(found)}"
 
     def store_bundle(self, episode_id: int, sealed: BundledRows) -> None:
         """Write the steps, events and end of an episode that a remote worker has run: all or nothing.
@@ -113,15 +122,9 @@ class Journal(CampaignWriter, EpisodeWriter):
             store_bundle(connection, self._process_id, episode_id, sealed)
 
     def import_campaign(
-        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], keep_files: KeepFiles | None = None
+        self, plan: CampaignPlan, episodes: Sequence[ImportedEpisode], place_files: PlaceFiles | None = None
     ) -> tuple[int, tuple[int, ...]]:
-        """Write another tool's episodes, one per trial of the plan: all or nothing.
-
-        Args:
-            plan: plan of the campaign.
-            episodes: the episodes in the order of the plan's trials.
-            keep_files: called for each episode with its index and its directory, relative to the results directory; it
-                places the images before the commit.
+        """Write another tool's episodes, one per trial of the plan and in its order: all or nothing.
 
         Returns:
             The numbers of the campaign and the episodes.
@@ -130,7 +133,7 @@ class Journal(CampaignWriter, EpisodeWriter):
             UsageError: a trial of the plan already has an episode that is not void.
         """
         with transaction(self.engine) as connection:
-            return import_episodes(connection, self._process_id, plan, episodes, keep_files)
+            return imports.import_episodes(connection, self._process_id, plan, episodes, place_files)
 
     def withdraw_import(self, campaign_id: int, *, author: str, note: str = "") -> int:
         """Void all episodes of an imported campaign and return their number; they can be imported again.
@@ -139,7 +142,7 @@ class Journal(CampaignWriter, EpisodeWriter):
             UsageError: the campaign does not exist, or was not imported.
         """
         with transaction(self.engine) as connection:
-            return withdraw(connection, campaign_id, author=author, note=note)
+            return imports.withdraw(connection, campaign_id, author=author, note=note)
 
     def merge(
         self, others: Sequence[OtherRecord], expected: Collection[str], with_files: Collection[str], place: PlaceFiles
@@ -165,12 +168,10 @@ class Journal(CampaignWriter, EpisodeWriter):
             apply_merge(connection, others, plan, with_files, place)
             return plan
 
-    def attach_images(self, numbers: Mapping[str, int], place: Callable[[str, str], None]) -> None:
+    def attach_images(self, numbers: Mapping[str, int], place: PlaceFiles) -> None:
         """Record that episodes without images have them now: all or none.
 
-        Args:
-            numbers: episode numbers by UUID.
-            place: called with each UUID and its directory; it moves the files there before the commit.
+        `place` is called with each UUID and its directory, and moves the files there before the commit.
         """
         with transaction(self.engine) as connection:
             for uuid, number in numbers.items():
@@ -187,10 +188,9 @@ class Journal(CampaignWriter, EpisodeWriter):
         step_number: int | None = None,
     ) -> None:
         """Record an event that is not a step, with its author if there is one."""
-        event = {"kind": kind, "author": text(author), "text": text(words), "created_at": datetime.now(UTC)}
         where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
         with transaction(self.engine) as connection:
-            connection.execute(insert(Event), event | where)
+            connection.execute(insert(Event), event_row(kind, words, author=author, **where))
 
     def annotate(self, episode_ids: Collection[int], annotation: Annotation, *, author: str) -> None:
         """Append a note and changed tags to episodes: all or nothing. No verdict changes.

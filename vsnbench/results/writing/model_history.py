@@ -30,32 +30,13 @@ def differences(old: ModelIdentity, new: ModelIdentity) -> tuple[str, ...]:
 def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelIdentity] | None:
     """Return the newest earlier campaign of a model of this name, and its model; None if there is none."""
     row = connection.execute(
-        select(
-            Campaign.id,
-            Model.weights_sha256,
-            Model.weights_label,
-            Model.settings,
-            Model.surveyed,
-            Model.files,
-            Model.code,
-        )
-        .join(Model, Model.id == Campaign.model_id)
+        select(Model.__table__, Campaign.id.label("campaign_id"))
+        .join(Campaign, Campaign.model_id == Model.id)
         .where(Model.name == name, Campaign.id < campaign_id, CODE.is_(None))  # blinded arms are left out
         .order_by(Campaign.id.desc())
         .limit(1)
     ).first()
-    if row is None:
-        return None
-    model = ModelIdentity(
-        name,
-        weights_sha256=row.weights_sha256,
-        weights_label=row.weights_label,
-        settings=row.settings,
-        surveyed=row.surveyed,
-        files=row.files,
-        code=row.code,
-    )
-    return row.id, model
+    return None if row is None else (row.campaign_id, ModelIdentity.of_row(row))
 
 
 def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any], *, hashes: bool = False) -> list[str]:

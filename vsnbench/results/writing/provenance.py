@@ -66,19 +66,17 @@ class Provenance:
     platform: Mapping[str, Any] = field(default_factory=dict)
 
 
-def gather_provenance(operator: str | None = None, *, of_run: bool = False) -> Provenance:
-    """Describe this process.
+def gather_provenance(*, of_run: bool = False) -> Provenance:
+    """Describe this process; of one that runs trials also with the hashes of its packages.
 
-    Args:
-        operator: name of the operator. Default: $VSNBENCH_OPERATOR, then the login name.
-        of_run: the process runs trials, so that the files of its packages matter as well as their versions.
+    The operator is $VSNBENCH_OPERATOR, else the login name.
     """
     hashes = {"package_hashes": package_hashes()} if of_run else {}
     code = checkout_of(Path(__file__))
     return Provenance(
         identity=this_process(),
         started_at=datetime.now(UTC),
-        operator=operator or os.environ.get("VSNBENCH_OPERATOR") or login_name(),
+        operator=os.environ.get("VSNBENCH_OPERATOR") or login_name(),
         command=command_without_passwords(sys.argv),
         vsnbench_version=__version__,
         git_commit=code.commit,

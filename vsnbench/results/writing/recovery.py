@@ -4,13 +4,13 @@ Running episodes become `interrupted` and keep their steps; claims are released.
 """
 
 import textwrap
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Connection, Row, Select, func, insert, inspect, select, update
 
 from vsnbench.protocol.judge import EndReason, Verdict
-from vsnbench.results.schema.row_encoding import verdict_row
+from vsnbench.results.schema.row_encoding import columns_of_fields, event_row, verdict_row
 from vsnbench.results.schema.tables import Episode, Event, Process, Session, Step, Trial
 from vsnbench.results.schema.tables import Verdict as VerdictTable
 from vsnbench.results.writing.entries import RecoveredEpisode
@@ -82,31 +82,22 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
         return None
     void = Verdict(EndReason.INTERRUPTED, None, "void: the process died; the trial must be repeated")
     connection.execute(insert(VerdictTable), verdict_row(row.id, void, author="vsnbench", source="recovery"))
-    connection.execute(
-        insert(Event),
-        {
-            "episode_id": row.id,
-            "campaign_id": row.campaign_id,
-            "created_at": datetime.now(UTC),
-            "kind": "recovered",
-            "author": "",
-            "text": f"process {row.pid} on {row.host} died after {row.steps} recorded steps",
-        },
-    )
-    return RecoveredEpisode(row.id, row.goal, row.start, row.steps, row.images_directory)
+    words = f"process {row.pid} on {row.host} died after {row.steps} recorded steps"
+    connection.execute(insert(Event), event_row("recovered", words, episode_id=row.id, campaign_id=row.campaign_id))
+    return RecoveredEpisode(row.id, row.steps, row.images_directory)
 
 
 def interrupted(connection: Connection) -> tuple[RecoveredEpisode, ...]:
     """Return the episodes that ended because their process died."""
     rows = connection.execute(
-        select(Episode.id, Trial.goal, Trial.start, Episode.actions, Episode.images_directory)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != "")
+        select(Episode.id, Episode.actions, Episode.images_directory).where(
+            Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != ""
+        )
     )
     return tuple(RecoveredEpisode(*row) for row in rows)
 
 
-_IDENTITY = (Process.host, Process.pid, Process.boot_id, Process.pid_namespace, Process.start_ticks)
+_IDENTITY = columns_of_fields(Process, ProcessIdentity)
 
 
 def _open_episodes() -> Select[*tuple[Any, ...]]:
@@ -132,8 +123,6 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
             Episode.lease_until,
             Episode.images_directory,
             Trial.campaign_id,
-            Trial.goal,
-            Trial.start,
             *_IDENTITY,
             func.coalesce(steps.c.steps, 0).label("steps"),
             steps.c.last_step_at,

@@ -1,16 +1,16 @@
 """Writes an episode that was run by a remote worker: steps, events and end in one transaction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 
 from sqlalchemy import Connection, insert, select, update
 
-from vsnbench.results.schema.row_encoding import insert_row, process_row, text
+from vsnbench.results.schema.row_encoding import columns_of_fields, insert_row, process_row, text
 from vsnbench.results.schema.tables import Episode, Event, Process, Step
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import end_episode
-from vsnbench.results.writing.provenance import Provenance
+from vsnbench.results.writing.provenance import ProcessIdentity, Provenance
 from vsnbench.results.writing.steps import step_row
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
@@ -49,15 +49,7 @@ def store_bundle(connection: Connection, process_id: int, episode_id: int, seale
         connection.execute(
             insert(Event),
             [
-                {
-                    "kind": event.kind,
-                    "author": text(event.author),
-                    "text": text(event.text),
-                    "created_at": event.created_at,
-                    "campaign_id": None,
-                    "episode_id": episode_id,
-                    "step_number": event.step_number,
-                }
+                {**asdict(event), "author": text(event.author), "text": text(event.text), "episode_id": episode_id}
                 for event in sealed.events
             ],
         )
@@ -68,15 +60,7 @@ def store_bundle(connection: Connection, process_id: int, episode_id: int, seale
 
 def _process_of(connection: Connection, ran_on: Provenance) -> int:
     """Return the row of a worker's process, shared by all its episodes."""
-    who = ran_on.identity
-    known = connection.execute(
-        select(Process.id).where(
-            Process.host == text(who.host),
-            Process.pid == who.pid,
-            Process.boot_id == who.boot_id,
-            Process.pid_namespace == who.pid_namespace,
-            Process.start_ticks == who.start_ticks,
-            Process.started_at == ran_on.started_at,
-        )
-    ).scalar()
-    return known if known is not None else insert_row(connection, Process, process_row(ran_on))
+    row = process_row(ran_on)
+    columns = [*columns_of_fields(Process, ProcessIdentity), Process.started_at]
+    known = connection.scalar(select(Process.id).where(*(column == row[column.name] for column in columns)))
+    return insert_row(connection, Process, row) if known is None else known

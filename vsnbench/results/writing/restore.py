@@ -3,17 +3,15 @@
 A restore also works if the present database is damaged.
 """
 
-import os
 import sqlite3
-import subprocess
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import libpq_connection, sqlite_path, sqlite_url
-from vsnbench.results.schema.backup import backup
-from vsnbench.results.schema.engine import database_label, open_engine, record_errors, sqlite_reader
+from vsnbench.results.schema.backup import backup, run_postgresql_client
+from vsnbench.results.schema.engine import database_label, opened_engine, record_errors, sqlite_reader
 from vsnbench.results.schema.guard import refuse_foreign_schema
 from vsnbench.results.schema.migrate import schema_state
 from vsnbench.results.writing.provenance import this_process
@@ -39,20 +37,17 @@ def restore(url: str, source: Path, directory: Path) -> Path | None:
     target = sqlite_path(url)
     if target is None:
         _check_archive(source)
-    else:
-        _check_sqlite(source)
-        if target.exists() and target.resolve() == source.resolve():
-            raise RecordError(f"{source} is the database itself", advice="name a backup of it")
-    if target is None:
         kept = _keep(url, directory)
-    elif target.exists():
-        kept = _keep(url, directory) if _is_usable(target) else _set_aside(target, directory)
-    else:
-        kept = None
-    if target is None:
         _restore_postgresql(url, source)
+        return kept
+    _check_sqlite(source)
+    if not target.exists():
+        kept = None
+    elif target.resolve() == source.resolve():
+        raise RecordError(f"{source} is the database itself", advice="name a backup of it")
     else:
-        _restore_sqlite(target, source)
+        kept = _keep(url, directory) if _is_usable(target) else _set_aside(target, directory)
+    _restore_sqlite(target, source)
     return kept
 
 
@@ -65,16 +60,13 @@ def _check_sqlite(source: Path) -> None:
         raise RecordError(f"{source} is not a backup of an SQLite database: {error}", advice=advice) from error
     if verdict != "ok":
         raise RecordError(f"the backup {source} is damaged: {verdict}", advice=advice)
-    engine = open_engine(sqlite_url(source), read_only=True)
-    try:
+    with opened_engine(sqlite_url(source), read_only=True) as engine:
         if schema_state(engine).current is None:
             raise RecordError(f"the backup {source} is empty", advice=advice)
-    finally:
-        engine.dispose()
 
 
 def _check_archive(source: Path) -> None:
-    listed = _run("pg_restore", ["--list", str(source)], {})
+    listed = run_postgresql_client(["pg_restore", "--list", str(source)], {})
     if "alembic_version" not in listed or " episode " not in listed:
         raise RecordError(
             f"{source} is not a backup of a vsnbench database on PostgreSQL",
@@ -83,13 +75,8 @@ def _check_archive(source: Path) -> None:
 
 
 def _keep(url: str, directory: Path) -> Path | None:
-    """Back up the present database, unless it is empty.
-
-    Raises:
-        RecordError: a process writes to it, or it cannot be copied.
-    """
-    engine = open_engine(url)
-    try:
+    """Back up the present database, unless it is empty."""
+    with opened_engine(url) as engine:
         if schema_state(engine).current is None:
             return None
         with record_errors(engine), engine.connect() as connection:
@@ -99,8 +86,6 @@ def _keep(url: str, directory: Path) -> Path | None:
                 f"{who} writes to the database {database_label(engine)}; nothing was changed",
                 advice="repeat the command when it has ended",
             )
-    finally:
-        engine.dispose()
     kept = _new_name(directory)
     backup(url, kept)
     return kept
@@ -112,11 +97,7 @@ def _new_name(directory: Path) -> Path:
 
 
 def _is_usable(target: Path) -> bool:
-    """Return whether the file is a usable database.
-
-    Raises:
-        RecordError: the file cannot be read at the moment.
-    """
+    """Return whether the file is a usable database."""
     try:
         with closing(sqlite_reader(target)()) as database:
             refuse_foreign_schema(database, str(target))
@@ -153,19 +134,4 @@ def _restore_sqlite(target: Path, source: Path) -> None:
 def _restore_postgresql(url: str, source: Path) -> None:
     connection, secrets = libpq_connection(url)
     options = ["--no-password", "--clean", "--if-exists", "--no-owner", "--single-transaction", "--exit-on-error"]
-    _run("pg_restore", [*options, f"--dbname={connection}", str(source)], dict(secrets))
-
-
-def _run(program: str, arguments: list[str], secrets: dict[str, str]) -> str:
-    try:
-        done = subprocess.run(
-            [program, *arguments], capture_output=True, text=True, check=False, env={**os.environ, **secrets}
-        )
-    except FileNotFoundError as error:
-        raise RecordError(
-            f"restoring a PostgreSQL database requires the program {program}", advice="install postgresql-client"
-        ) from error
-    if done.returncode:
-        reason = (done.stderr.strip().splitlines() or ["no reason given"])[0]
-        raise RecordError(f"{program} failed: {reason}", advice="nothing was changed")
-    return done.stdout
+    run_postgresql_client(["pg_restore", *options, f"--dbname={connection}", str(source)], secrets)

@@ -13,7 +13,7 @@ from sqlalchemy import Connection, Engine, func, select, update
 
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.placement_tables import Placement
-from vsnbench.results.schema.row_encoding import Row, insert_row, text
+from vsnbench.results.schema.row_encoding import Row, columns_of_fields, insert_row, text
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Session, Trial
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -99,17 +99,11 @@ def end_orphaned_session(connection: Connection, session_id: int) -> None:
 def session_of(connection: Connection, episode_id: int) -> RecordedSession | None:
     """Return the session of an episode; None without an operator."""
     row = connection.execute(
-        select(Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
+        select(*columns_of_fields(Session, RecordedSession))
         .join(Episode, Episode.session_id == Session.id)
         .where(Episode.id == episode_id)
     ).first()
     return None if row is None else RecordedSession(*row)
-
-
-def operator_of(connection: Connection, episode_id: int) -> str:
-    """Return the operator of an episode, or an empty string."""
-    found = session_of(connection, episode_id)
-    return found.operator if found else ""
 
 
 def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
@@ -154,8 +148,8 @@ def session_row(connection: Connection, session_id: int | None) -> Row | None:
     """Return the content of a session without foreign keys; None for None."""
     if session_id is None:
         return None
-    columns = (Session.uuid, Session.operator, Session.began_at, Session.ended_at, Session.words)
-    return dict(connection.execute(select(*columns).where(Session.id == session_id)).mappings().one())
+    query = select(*columns_of_fields(Session, RecordedSession)).where(Session.id == session_id)
+    return dict(connection.execute(query).mappings().one())
 
 
 def find_or_insert_session(connection: Connection, row: Row, process_id: int, robot_id: int) -> int:

@@ -253,11 +253,7 @@ def step_of_row(row: Any) -> StepRecord:
 
 
 def _movement_of(content: Any) -> tuple[Movement | None, tuple[int, int] | None, float | None]:
-    """Return the movement, the place in a chunk and the driven length of a `movement` column.
-
-    Raises:
-        ValueError: the content is invalid.
-    """
+    """Return the movement, the place in a chunk and the driven length of a `movement` column."""
     if content is None:
         return None, None, None
     try:

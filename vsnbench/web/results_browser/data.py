@@ -21,7 +21,7 @@ from vsnbench.sites.targets import targets_of
 from vsnbench.values.decision_check import SHOWN
 from vsnbench.values.movement import movement_text
 from vsnbench.values.pose import Pose
-from vsnbench.values.step import StepRecord
+from vsnbench.values.step import StepRecord, driven_path
 
 SCHEMA: Final = 1
 COLUMNS: Final = (
@@ -166,14 +166,7 @@ def recorded_site(engine: Engine, sha256: str) -> Site | None:
 def _path(start: Pose | None, steps: tuple[StepRecord, ...]) -> list[list[float]]:
     if start is None:
         return []
-    poses = [start]
-    for step in steps:
-        if step.world is not None:
-            poses.append(step.world.pose)
-        elif step.after is not None:
-            poses.append(start.compose(step.after))
-        else:
-            poses.append(poses[-1])
+    poses = driven_path(start, steps)
     return [[round(value, 4) for value in (pose.x_m, pose.y_m, pose.heading_rad)] for pose in poses]
 
 
