@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import shapely
+from shapely.geometry.base import BaseGeometry
+
 from vsnbench.errors import VsnbenchError
 from vsnbench.sites.fields import Point
 from vsnbench.sites.site import Site
@@ -58,6 +61,11 @@ def stretch(start: Point, end: Point) -> Place:
 def area(*corners: Point) -> Place:
     """Return the area inside an outline as a place."""
     return Place(PlaceKind.AREA, corners)
+
+
+def outline(polygon: BaseGeometry) -> Place:
+    """Return the exterior of a polygon as a place."""
+    return area(*((x, y) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(polygon))[:-1].tolist()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,13 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.site_checks.finding import (
     Amount,
     Entry,
-    Place,
     Severity,
     SiteFinding,
     area,
     goal_entries,
     join_names,
     number_ranges,
+    outline,
     point_text,
     points,
     stretch,
@@ -44,22 +44,9 @@ _NEIGHBOURS = np.ones((3, 3), np.bool_)
 Grid = npt.NDArray[np.int32]
 
 
-@dataclass(frozen=True, slots=True)
-class _Blockage:
-    """What blocks a path."""
-
-    code: str
-    subject: str
-    problem: str
-    advice: str
-    place: Place
-    amount: Amount | None = None
-    entries: tuple[Entry, ...] = ()
-
-
 def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> Iterator[SiteFinding]:
     """Yield an error for each blockage between starts and goals, and a warning for each other narrow door."""
-    lost: dict[_Blockage, dict[str, list[int]]] = {}
+    lost: dict[SiteFinding, dict[str, list[int]]] = {}
     search = _Search(site, space)
     for goal in checked_goals(site):
         starts_of_goal = [start for start in site.starts if (goal, start.number) not in site.excluded]
@@ -82,15 +69,10 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
         named = {number for numbers in goals.values() for number in numbers}
         index_of = {start.number: index for index, start in enumerate(site.starts)}
         starts = tuple(("starts", index_of[number]) for number in sorted(named))
-        yield SiteFinding(
-            Severity.ERROR,
-            blockage.code,
-            blockage.subject,
-            f"{blockage.problem}: {_unreachable_text(goals, len(site.starts))}",
-            blockage.advice,
-            blockage.place,
-            blockage.amount,
-            (*blockage.entries, *starts, *goal_entries(site, goals)),
+        yield replace(
+            blockage,
+            problem=f"{blockage.problem}: {_unreachable_text(goals, len(site.starts))}",
+            entries=(*blockage.entries, *starts, *goal_entries(site, goals)),
         )
     needed_m = 2 * space.robot_radius_m
     for index, door in enumerate(site.doors):
@@ -130,7 +112,7 @@ class _Search:
 
     def __init__(self, site: Site, space: FreeSpace) -> None:
         self._site, self._space = site, space
-        self._known: dict[tuple[int, str], _Blockage] = {}
+        self._known: dict[tuple[int, str], SiteFinding] = {}
         self._labels: dict[float, Grid] = {}
         self._goals: dict[str, npt.NDArray[np.bool_]] = {}
 
@@ -138,7 +120,7 @@ class _Search:
         """Whether the robot fits at the start; `start_findings` reports it if not."""
         return self._space.clearance_at_m(*start.position) >= self._space.robot_radius_m
 
-    def blockage(self, start: StartingPosition, goal: str, rules: ProtocolParameters) -> _Blockage:
+    def blockage(self, start: StartingPosition, goal: str, rules: ProtocolParameters) -> SiteFinding:
         """Return what blocks the path; starts in one connected part of the free space share the result."""
         home = self._label_near(self._connected(self._space.robot_radius_m), start.position)
         if home == 0:
@@ -168,7 +150,7 @@ class _Search:
         home = self._label_near(labels, start.position)
         return home > 0 and bool((self._goals[goal] & (labels == home)).any())
 
-    def _narrowest(self, start: StartingPosition, goal: str) -> _Blockage | None:
+    def _narrowest(self, start: StartingPosition, goal: str) -> SiteFinding | None:
         """Return the narrowest place of the widest path; None if there is no path at all."""
         low, high = 2e-3, self._space.robot_radius_m
         if not self._reaches(low, start, goal):
@@ -180,7 +162,7 @@ class _Search:
         home, reached = self._label_near(wide, start.position), self._label_near(narrow, start.position)
         return self._between((narrow == reached) & (wide == 0), wide, home, low)
 
-    def _between(self, pinch: npt.NDArray[np.bool_], wide: Grid, home: int, low_m: float) -> _Blockage:
+    def _between(self, pinch: npt.NDArray[np.bool_], wide: Grid, home: int, low_m: float) -> SiteFinding:
         """Return the blockage at the cells that connect the start's part to another part."""
         from scipy import ndimage
 
@@ -199,14 +181,15 @@ class _Search:
         at = (float(self._space.x_m[row, column]), float(self._space.y_m[row, column]))
         return self._at(at)
 
-    def _at(self, at: Point) -> _Blockage:
+    def _at(self, at: Point) -> SiteFinding:
         site, here, needed_m = self._site, shapely.Point(at), 2 * self._space.robot_radius_m
         for index, door in enumerate(site.doors):
             half_m = max((wall.thickness_m / 2 for wall in walls_of(site, door.start, door.end)), default=0.05)
             clear_m = door.clear_width_m
             near = not door.closed and door.centre_line.distance(here) < half_m + _NEAR_M
             if near and clear_m < needed_m + 2 * RESOLUTION_M:
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "door-too-narrow",
                     door_name(door),
                     f"is {clear_m:.2f} m clear, the robot needs {max(needed_m, clear_m + 0.01):.2f}",
@@ -220,7 +203,8 @@ class _Search:
         (first_m, first), (_, second) = sides[0], self._opposite(sides, at)
         (solid, name, entry), (other, other_name, other_entry) = self._solids()[first], self._solids()[second]
         gap_m = float(solid.distance(other)) or 2 * first_m
-        return _Blockage(
+        return SiteFinding(
+            Severity.ERROR,
             "passage-too-narrow",
             f"the passage at {point_text(at)} between {name} and {other_name}",
             f"is {gap_m:.2f} m wide, the robot needs {needed_m:.2f}",
@@ -252,14 +236,15 @@ class _Search:
             if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
         ]
 
-    def _shut_in(self, start: StartingPosition, goal: str) -> _Blockage:
+    def _shut_in(self, start: StartingPosition, goal: str) -> SiteFinding:
         """Return the closed door or object that blocks robots of any size; otherwise the room without a door."""
         labels = self._connected(2e-3)
         home = self._label_near(labels, start.position)
         there = set(np.unique(labels[self._goals[goal]]).tolist()) - {0, home}
         for index, door in enumerate(self._site.doors):
             if door.closed and _joins(self._around(labels, door.centre_line.buffer(_REACH_M)), home, there):
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "door-closed",
                     door_name(door),
                     "is closed",
@@ -269,17 +254,18 @@ class _Search:
                 )
         for index, thing in enumerate(self._site.objects):
             if thing.solid and _joins(self._around(labels, thing.shape.buffer(2 * RESOLUTION_M)), home, there):
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "way-blocked",
                     thing.id,
                     f"at {point_text(thing.position)} blocks the path",
                     f"move it; the robot needs {2 * self._space.robot_radius_m:.2f} m next to it",
-                    area(*((float(x), float(y)) for x, y in shapely.get_coordinates(thing.shape.exterior)[:-1])),
+                    outline(thing.shape),
                     entries=(("objects", index),),
                 )
         return self._no_door(start, goal)
 
-    def _no_door(self, start: StartingPosition, goal: str) -> _Blockage:
+    def _no_door(self, start: StartingPosition, goal: str) -> SiteFinding:
         """Return the room of the start or of the goal that has no door."""
         site = self._site
         rooms = [
@@ -291,7 +277,8 @@ class _Search:
         concerned = [room for at in places for room in rooms if room[1].shape.covers(shapely.Point(at))]
         for index, room, doors in concerned:
             if not doors and len(site.rooms) > 1:
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "room-without-door",
                     f"room `{room.name}`",
                     "has no door",
@@ -300,7 +287,8 @@ class _Search:
                     entries=(("rooms", index),),
                 )
         instances = [target.id for target in targets_of(site, goal)]
-        return _Blockage(
+        return SiteFinding(
+            Severity.ERROR,
             "goal-shut-in",
             instances[0] if len(instances) == 1 else f"every {goal} ({', '.join(instances)})",
             "is enclosed",
@@ -308,8 +296,9 @@ class _Search:
             points(*targets),
         )
 
-    def _nowhere(self, start: StartingPosition) -> _Blockage:
-        return _Blockage(
+    def _nowhere(self, start: StartingPosition) -> SiteFinding:
+        return SiteFinding(
+            Severity.ERROR,
             "start-hemmed-in",
             f"start {start.number}",
             f"at {point_text(start.position)} leaves the robot no room to move",

@@ -29,10 +29,8 @@ _FEET_M = 0.3048
 def wall_findings(site: Site) -> Iterator[SiteFinding]:
     """Yield findings about walls, doors and windows."""
     yield from _walls(site)
-    for index, door in enumerate(site.doors):
-        yield from _opening(site, door, door_name(door), door.height_m, ("doors", index))
-    for index, window in enumerate(site.windows):
-        yield from _opening(site, window, f"window {index + 1}", window.head_m, ("windows", index))
+    for name, opening, entry in _openings(site):
+        yield from _opening(site, opening, name, entry)
     yield from _openings_in_one_place(site)
     yield from _doors_to_nowhere(site)
     yield from _ceiling(site)
@@ -94,7 +92,15 @@ def angle_rad(start: Point, end: Point, wall: Wall) -> float:
     return math.asin(min(1.0, abs(across) / (math.dist(start, end) * wall.length_m)))
 
 
-def _opening(site: Site, opening: Door | Window, name: str, top_m: float, entry: Entry) -> Iterator[SiteFinding]:
+def _openings(site: Site) -> list[tuple[str, Door | Window, Entry]]:
+    """Return doors and windows with their names and entries."""
+    doors: list[tuple[str, Door | Window, Entry]] = [
+        (door_name(door), door, ("doors", index)) for index, door in enumerate(site.doors)
+    ]
+    return doors + [(f"window {index + 1}", window, ("windows", index)) for index, window in enumerate(site.windows)]
+
+
+def _opening(site: Site, opening: Door | Window, name: str, entry: Entry) -> Iterator[SiteFinding]:
     ends = (opening.start, opening.end)
     walls = walls_of(site, *ends)
     if not walls:
@@ -111,8 +117,8 @@ def _opening(site: Site, opening: Door | Window, name: str, top_m: float, entry:
         )
         return
     height_m = min(site.ceiling_height_m if wall.height_m is None else wall.height_m for wall in walls)
+    field, top_m = ("height_m", opening.height_m) if isinstance(opening, Door) else ("head_m", opening.head_m)
     if top_m > height_m + 1e-6:
-        field = "height_m" if isinstance(opening, Door) else "head_m"
         yield SiteFinding(
             Severity.ERROR,
             "opening-above-wall",
@@ -143,11 +149,7 @@ def _nearest_wall(site: Site, opening: Door | Window) -> tuple[float, str]:
 
 
 def _openings_in_one_place(site: Site) -> Iterator[SiteFinding]:
-    openings: list[tuple[str, Door | Window, Entry]] = [
-        (door_name(door), door, ("doors", index)) for index, door in enumerate(site.doors)
-    ]
-    openings += [(f"window {index + 1}", window, ("windows", index)) for index, window in enumerate(site.windows)]
-    for (name, opening, entry), (other_name, other, other_entry) in itertools.combinations(openings, 2):
+    for (name, opening, entry), (other_name, other, other_entry) in itertools.combinations(_openings(site), 2):
         shared = opening.centre_line.buffer(0.01).intersection(other.centre_line)
         if shared.length > _RUN_TOGETHER_M:
             (x0, y0), *_, (x1, y1) = shared.coords
