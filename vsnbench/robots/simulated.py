@@ -19,7 +19,6 @@ from vsnbench.robots.contract import DrivingView, PathCheck, Robot
 from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryDrift, noisy_depth
 from vsnbench.simulator.dynamics.odometry import WheelOdometry
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
-from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
@@ -72,7 +71,7 @@ class SimulatedRobot(Robot):
         scene = build_scene(site)
         self._physics = Physics(scene, profile.base)
         self._renderer = Renderer(scene)
-        self._shininess = _shininess_of_objects(scene, len(site.objects))
+        self._shininess = scene.shininess(len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
@@ -262,12 +261,3 @@ class SimulatedRobot(Robot):
 def _reported(pose: Pose) -> Pose:
     """Return odometry with a wrapped heading, as robots report it."""
     return Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
-
-
-def _shininess_of_objects(scene: Scene, objects: int) -> npt.NDArray[np.float32]:
-    """Return the largest shininess of the parts of each instance; 0 for the building."""
-    shininess = np.zeros(objects + 1, np.float32)
-    for primitive in scene.primitives:
-        if primitive.instance and primitive.visible:
-            shininess[primitive.instance] = max(shininess[primitive.instance], primitive.material.shininess)
-    return shininess

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+import numpy.typing as npt
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -64,3 +67,11 @@ class Scene:
     bounds: tuple[float, float, float, float]
     """(x_min, y_min, x_max, y_max) of the floor plan, metres."""
     ceiling_height_m: float
+
+    def shininess(self, objects: int) -> npt.NDArray[np.float32]:
+        """Return the maximum shininess of each object's parts by instance, (1 + objects,); the building is matt."""
+        shininess = np.zeros(objects + 1, np.float32)
+        for part in self.primitives:
+            if part.instance and part.visible:
+                shininess[part.instance] = max(shininess[part.instance], part.material.shininess)
+        return shininess

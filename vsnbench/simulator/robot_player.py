@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -129,7 +129,7 @@ class RobotPlayer:
         self._base = SimulatedBase(site, scene, profile, options.noise, options.command_lag_s, command_timeout_s)
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
-        self._shininess = _shininess(scene, len(site.objects))
+        self._shininess = scene.shininess(len(site.objects))
         self._person = SimulatedOperator() if options.is_rehearsal else None
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -256,12 +256,3 @@ def _millimetres(depth_m: npt.NDArray[np.float32], profile: RobotProfile) -> npt
     nearest_m, farthest_m = profile.camera.depth_min_m, min(profile.camera.depth_max_m, 65.534)
     valid = (depth_m >= nearest_m) & (depth_m <= farthest_m)
     return np.where(valid, np.rint(np.where(valid, depth_m, 0) * 1000), 0).astype(np.uint16)
-
-
-def _shininess(scene: Any, objects: int) -> npt.NDArray[np.float32]:
-    """Return the maximum shininess of each instance's parts; the building is matt."""
-    shininess = np.zeros(objects + 1, np.float32)
-    for part in scene.primitives:
-        if part.instance and part.visible:
-            shininess[part.instance] = max(shininess[part.instance], part.material.shininess)
-    return shininess

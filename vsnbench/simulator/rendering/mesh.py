@@ -253,8 +253,7 @@ def build_mesh(scene: Scene) -> Mesh:
     """Return the visible primitives of a scene as polygons."""
     visible = [primitive for primitive in scene.primitives if primitive.visible]
     names = list(TEXTURES)
-    columns: dict[str, list[Floats]] = {name: [] for name in ("corners", "normals", "s", "t", "extent", "map")}
-    counts = []
+    parts: list[tuple[Floats, ...]] = []
     rotations = [np.array(rotation_matrix(primitive.rotation)) for primitive in visible]
     for index, (primitive, rotation) in enumerate(zip(visible, rotations, strict=True)):
         style = TEXTURES[primitive.material.texture]
@@ -278,9 +277,9 @@ def build_mesh(scene: Scene) -> Mesh:
             away = 0.0 if primitive.category in _BUILDING else 0.6180339887 * index
             row = (1 / style.size_m[0], away % 1.0, 1 / style.size_m[1], 1.7 * away % 1.0)
             texture_map = np.tile(np.array(row), (len(corners), 1))
-        for name, value in zip(columns, (corners, normals, s, t, extent, texture_map), strict=True):
-            columns[name].append(value)
-        counts.append(len(corners))
+        parts.append((corners, normals, s, t, extent, texture_map))
+    corners, normals, s, t, extent, texture_map = map(np.concatenate, zip(*parts, strict=True))
+    counts = [len(part[0]) for part in parts]
     owner = np.repeat(np.arange(len(visible), dtype=np.int32), counts)
     ends = np.cumsum(counts)
     radii = [
@@ -289,13 +288,13 @@ def build_mesh(scene: Scene) -> Mesh:
     ]
     textures = np.array([names.index(primitive.material.texture) for primitive in visible], np.int32)
     return Mesh(
-        corners=np.concatenate(columns["corners"]),
-        normals=np.concatenate(columns["normals"]),
-        axis_s=np.concatenate(columns["s"]),
-        axis_t=np.concatenate(columns["t"]),
-        extent=np.concatenate(columns["extent"]),
+        corners=corners,
+        normals=normals,
+        axis_s=s,
+        axis_t=t,
+        extent=extent,
         texture=textures[owner],
-        texture_map=np.concatenate(columns["map"]),
+        texture_map=texture_map,
         owner=owner,
         centres=np.array([primitive.centre for primitive in visible]),
         rotations=np.array(rotations),
