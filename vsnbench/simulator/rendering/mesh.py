@@ -11,18 +11,9 @@ import numpy.typing as npt
 from vsnbench.simulator.furniture.canvas import rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
 from vsnbench.simulator.rendering.textures import SIZE, TEXTURES, Mapping
-from vsnbench.sites.categories import CATEGORIES
-
-SEMANTIC_CLASSES: tuple[str, ...] = ("", "wall", "floor", "ceiling", "door", "window", *sorted(CATEGORIES), "other")
-"""Names of the semantic ids in an image; id 0 is no object, the last one any category without a built-in shape."""
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
-
-
-def semantic_id(category: str) -> int:
-    """Return the semantic id of a category."""
-    return SEMANTIC_CLASSES.index(category if category in SEMANTIC_CLASSES else "other")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,10 +53,8 @@ class Mesh:
     """(P, 2) first face and last face + 1."""
     colors: Floats
     """(P, 3) linear albedo."""
-    shininess: Floats
     glow: Floats
     """(P,)."""
-    categories: npt.NDArray[np.uint8]
     instances: Ints
     """(P,)."""
 
@@ -303,8 +292,6 @@ def build_mesh(scene: Scene) -> Mesh:
         radii=np.array(radii) * 1.05,
         faces=np.stack([ends - counts, ends], axis=1).astype(np.int32),
         colors=np.array([linear(primitive.material.color) for primitive in visible]),
-        shininess=np.array([primitive.material.shininess for primitive in visible]),
         glow=np.array([primitive.material.glow for primitive in visible]),
-        categories=np.array([semantic_id(primitive.category) for primitive in visible], np.uint8),
         instances=np.array([primitive.instance for primitive in visible], np.int32),
     )

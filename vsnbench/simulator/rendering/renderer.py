@@ -1,4 +1,4 @@
-"""Images of a scene: RGB, depth, semantic and instance ids of one view in one pass."""
+"""Images of a scene: RGB, depth and object of each pixel of one view in one pass."""
 
 import math
 import struct
@@ -37,10 +37,8 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame(Look):
-    """One view with the labels of each pixel."""
+    """One view with the object of each pixel."""
 
-    category: npt.NDArray[np.uint8]
-    """(H, W) index into `mesh.SEMANTIC_CLASSES`."""
     instance: npt.NDArray[np.int32]
     """(H, W) 1 + index into `Site.objects`; 0 for the building."""
 
@@ -155,9 +153,9 @@ class Renderer:
         from vsnbench.simulator.rendering.shading import label_pixels
 
         (look, seen), mesh = self._look(eye, _centred(width, height, focal_px)), self._mesh
-        category, instance = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
-        label_pixels(seen, mesh.owner, mesh.categories, mesh.instances, category, instance)
-        return Frame(look.rgb, look.depth_m, category, instance)
+        instance = np.empty((height, width), np.int32)
+        label_pixels(seen, mesh.owner, mesh.instances, instance)
+        return Frame(look.rgb, look.depth_m, instance)
 
     def look(self, camera: Camera, pose: Pose) -> Look:
         """Draw the view of a robot's camera without the simulator's labels."""
