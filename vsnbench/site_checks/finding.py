@@ -68,14 +68,6 @@ def outline(polygon: BaseGeometry) -> Place:
     return area(*((x, y) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(polygon))[:-1].tolist()))
 
 
-@dataclass(frozen=True, slots=True)
-class Amount:
-    """Size of an error."""
-
-    value: float
-    unit: str = "m"
-
-
 Entry = tuple[str, int]
 """An entry of the site file: list and index from 0; ("walls", 2) is wall 3."""
 
@@ -94,9 +86,11 @@ class SiteFinding:
     advice: str = ""
     """The fix."""
     place: Place = Place()
-    amount: Amount | None = None
+    amount: float | None = None
+    """Size of the error, in `unit`."""
     entries: tuple[Entry, ...] = ()
     """Entries of the file that cause it."""
+    unit: str = "m"
     line: int | None = None
     """Line of the file, from 1, for an error of the format."""
 
@@ -122,7 +116,7 @@ class SiteFinding:
             "advice": self.advice,
             "message": self.message,
             "place": self.place.geometry(),
-            "amount": None if self.amount is None else {"value": round(self.amount.value, 4), "unit": self.amount.unit},
+            "amount": None if self.amount is None else {"value": round(self.amount, 4), "unit": self.unit},
             "entries": [list(entry) for entry in self.entries],
             "line": self.line,
         }

@@ -7,7 +7,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.site_checks.finding import Amount, Severity, SiteFinding, outline, point_text, points
+from vsnbench.site_checks.finding import Severity, SiteFinding, outline, point_text, points
 from vsnbench.site_checks.walls import wall_name
 from vsnbench.sites.geometry.walls import wall_area, wall_shapes
 from vsnbench.sites.site import Site, SiteObject
@@ -58,7 +58,7 @@ def heading_findings(site: Site) -> Iterator[SiteFinding]:
             f"at {point_text(thing.position)} faces {wall_name(site, wall)} at {front_m:.2f} m",
             f"heading_deg is the direction of its front: {math.remainder(thing.heading_deg + 180, 360):g} is opposite",
             outline(thing.shape),
-            Amount(front_m),
+            front_m,
             (("objects", index),),
         )
 

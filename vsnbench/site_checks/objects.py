@@ -9,16 +9,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.site_checks.finding import (
-    TOUCHING_M2,
-    Amount,
-    Entry,
-    Severity,
-    SiteFinding,
-    outline,
-    point_text,
-    points,
-)
+from vsnbench.site_checks.finding import TOUCHING_M2, Entry, Severity, SiteFinding, outline, point_text, points
 from vsnbench.site_checks.walls import door_name, wall_name
 from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, near_category, suggest_category
 from vsnbench.sites.fields import Point
@@ -52,7 +43,7 @@ def object_findings(site: Site) -> Iterator[SiteFinding]:
 
 
 def _error(
-    code: str, thing: SiteObject, problem: str, advice: str, amount: Amount | None, *entries: Entry
+    code: str, thing: SiteObject, problem: str, advice: str, amount: float | None, *entries: Entry
 ) -> SiteFinding:
     return SiteFinding(Severity.ERROR, code, thing.id, problem, advice, outline(thing.shape), amount, entries)
 
@@ -77,7 +68,7 @@ def _place(
     if not rooms.intersects(thing.shape):
         off_m = float(rooms.distance(thing.shape))
         problem = f"at {at} is outside every room, {off_m:.2f} m from the nearest"
-        yield _error("object-outside", thing, problem, suggest_position(thing.position, rooms), Amount(off_m), entry)
+        yield _error("object-outside", thing, problem, suggest_position(thing.position, rooms), off_m, entry)
         return
     inside = [float(thing.shape.intersection(wall).area) for wall in walls]
     deepest = max(range(len(walls)), key=lambda index: inside[index])
@@ -86,18 +77,18 @@ def _place(
         into_m = _depth_in_wall_m(thing, site.walls[deepest])
         problem = f"at {at} reaches {into_m:.2f} m into {wall_name(site, deepest)}"
         advice = _exchange_advice(thing, rooms, walls) or "move it by this distance, or measure its size again"
-        yield _error("object-in-wall", thing, problem, advice, Amount(into_m), entry, ("walls", deepest))
+        yield _error("object-in-wall", thing, problem, advice, into_m, entry, ("walls", deepest))
     elif out.area > TOUCHING_M2 and out.difference(shapely.union_all(walls)).area > TOUCHING_M2:
         out_m = _depth_m(out)
         problem = f"at {at} reaches {out_m:.2f} m out of the rooms"
-        yield _error("object-out-of-room", thing, problem, "move it", Amount(out_m), entry)
+        yield _error("object-out-of-room", thing, problem, "move it", out_m, entry)
     for index, door in enumerate(site.doors):
         doorway = door.centre_line.buffer(0.05, cap_style="flat")
         blocked = thing.shape.intersection(doorway)
         if thing.solid and blocked.area > TOUCHING_M2:
             blocked_m = max(_sides_m(blocked))
             problem = f"blocks {blocked_m:.2f} m of the {door.clear_width_m:.2f} m opening of {door_name(door)}"
-            yield _error("object-in-doorway", thing, problem, "move it", Amount(blocked_m), entry, ("doors", index))
+            yield _error("object-in-doorway", thing, problem, "move it", blocked_m, entry, ("doors", index))
 
 
 def suggest_position(position: Point, rooms: BaseGeometry) -> str:
@@ -146,7 +137,7 @@ def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometr
         advice = "measure its height and its elevation_m again"
         if max(thing.size_m[:2]) <= site.ceiling_height_m and thing.size_m[2] > 1.5 * max(thing.size_m[:2]):
             advice += "; size_m is [depth along its heading, width, height]"
-        yield _error("object-above-ceiling", thing, problem, advice, Amount(over_m), entry)
+        yield _error("object-above-ceiling", thing, problem, advice, over_m, entry)
     if thing.elevation_m <= _ON_TOP_M or min(wall.distance(thing.shape) for wall in walls) < _HANGS_M:
         return
     below = [other for other in site.objects if other is not thing and other.shape.intersects(thing.shape)]
@@ -161,7 +152,7 @@ def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometr
         f"at {point_text(thing.position)} is {gap_m:.2f} m above the floor or object under it",
         f"elevation_m is the height of its underside above the floor: {max(tops, default=0.0):g} without a gap",
         outline(thing.shape),
-        Amount(gap_m),
+        gap_m,
         (entry,),
     )
 
@@ -183,7 +174,7 @@ def _footprint(thing: SiteObject, entry: Entry) -> Iterator[SiteFinding]:
             f"has its position {point_text(thing.position)} {off_m:.2f} m from the centre of its footprint",
             advice,
             outline(thing.shape),
-            Amount(off_m),
+            off_m,
             (entry,),
         )
 
@@ -209,7 +200,7 @@ def _overlap(thing: SiteObject, other: SiteObject, entries: tuple[Entry, ...]) -
         f"overlap by {shared.area * 1e4:.0f} cm² at {point_text(at)}",
         advice,
         place,
-        Amount(depth_m),
+        depth_m,
         entries,
     )
 

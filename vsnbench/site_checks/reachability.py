@@ -12,7 +12,6 @@ from shapely.geometry.base import BaseGeometry
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.site_checks.finding import (
-    Amount,
     Entry,
     Severity,
     SiteFinding,
@@ -84,7 +83,7 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
                 f"is {door.clear_width_m:.2f} m clear, the robot needs {needed_m:.2f}",
                 "measure the clear opening between the jambs again",
                 stretch(door.start, door.end),
-                Amount(needed_m - door.clear_width_m),
+                needed_m - door.clear_width_m,
                 (("doors", index),),
             )
 
@@ -196,7 +195,7 @@ class _Search:
                     "measure the clear opening between the jambs again, use a narrower robot (--robot), or exclude "
                     "the goal there with not_for",
                     stretch(door.start, door.end),
-                    Amount(needed_m - clear_m),
+                    needed_m - clear_m,
                     (("doors", index),),
                 )
         sides = sorted((float(shape.distance(here)), number) for number, (shape, _, _) in enumerate(self._solids()))
@@ -210,7 +209,7 @@ class _Search:
             f"is {gap_m:.2f} m wide, the robot needs {needed_m:.2f}",
             f"move one of them by {max(needed_m - gap_m + 2 * RESOLUTION_M, 0.01):.2f} m, or measure both again",
             stretch(*_ends(shapely.shortest_line(solid, other), at)),
-            Amount(needed_m - gap_m),
+            needed_m - gap_m,
             (entry, other_entry),
         )
 

@@ -9,7 +9,6 @@ from shapely.geometry.base import BaseGeometry
 
 from vsnbench.site_checks.finding import (
     TOUCHING_M2,
-    Amount,
     Entry,
     Severity,
     SiteFinding,
@@ -52,8 +51,9 @@ def room_findings(site: Site) -> Iterator[SiteFinding]:
                 f"has {room.shape.area:.0f} m²",
                 "lengths are metres: was it surveyed in decimetres or feet?",
                 area(*room.polygon),
-                Amount(room.shape.area, "m2"),
+                room.shape.area,
                 (("rooms", index),),
+                "m2",
             )
 
 
@@ -74,8 +74,9 @@ def _overlaps(site: Site) -> Iterator[SiteFinding]:
                 f"overlap by {shared.area:.2f} m² around {point_text(middle)}",
                 advice,
                 outline(max(shapely.get_parts(shared), key=lambda part: float(part.area)).simplify(0.02)),
-                Amount(float(shared.area), "m2"),
+                float(shared.area),
                 (("rooms", i), ("rooms", j)),
+                "m2",
             )
 
 
@@ -115,7 +116,7 @@ def _open_edge(site: Site, room: int, edge: tuple[Point, Point], piece: BaseGeom
         problem,
         advice,
         stretch(start, end),
-        Amount(open_m),
+        open_m,
         (("rooms", room), *walls),
     )
 
@@ -213,5 +214,6 @@ def _enclosures(site: Site) -> Iterator[SiteFinding]:
                     f"has {piece.area:.1f} m² and is not in a room",
                     f"add it to rooms with polygon: [{polygon}]",
                     area(*corners),
-                    Amount(float(piece.area), "m2"),
+                    float(piece.area),
+                    unit="m2",
                 )

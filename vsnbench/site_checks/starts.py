@@ -8,16 +8,7 @@ import shapely
 from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.protocol.judge import stop_succeeds
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.site_checks.finding import (
-    Amount,
-    Entry,
-    Severity,
-    SiteFinding,
-    goal_entries,
-    join_names,
-    point_text,
-    points,
-)
+from vsnbench.site_checks.finding import Entry, Severity, SiteFinding, goal_entries, join_names, point_text, points
 from vsnbench.site_checks.objects import suggest_position
 from vsnbench.site_checks.reachability import checked_goals, reachability_findings
 from vsnbench.site_checks.walls import wall_name
@@ -38,7 +29,8 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
             f"site {site.name}",
             f"has {len(site.starts)} starting position{'' if len(site.starts) == 1 else 's'}",
             f"the protocol requires {STARTING_POSITIONS}: survey {STARTING_POSITIONS - len(site.starts)} more",
-            amount=Amount(STARTING_POSITIONS - len(site.starts), "starts"),
+            amount=STARTING_POSITIONS - len(site.starts),
+            unit="starts",
         )
     for index in range(len(site.starts)):
         yield from _placement(site, index, space.robot_radius_m)
@@ -61,11 +53,10 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
 def _placement(site: Site, index: int, radius_m: float) -> Iterator[SiteFinding]:
     start = site.starts[index]
     here, name, at = shapely.Point(start.position), f"start {start.number}", point_text(start.position)
-    entry: tuple[Entry, ...] = (("starts", index),)
 
     def found(code: str, problem: str, advice: str, amount_m: float, *more: Entry) -> SiteFinding:
-        where, amount = points(start.position), Amount(amount_m)
-        return SiteFinding(Severity.ERROR, code, name, problem, advice, where, amount, (*entry, *more))
+        entries = (("starts", index), *more)
+        return SiteFinding(Severity.ERROR, code, name, problem, advice, points(start.position), amount_m, entries)
 
     if not any(room.shape.covers(here) for room in site.rooms):
         rooms = shapely.union_all([room.shape for room in site.rooms])

@@ -6,15 +6,7 @@ from collections.abc import Iterator
 
 import shapely
 
-from vsnbench.site_checks.finding import (
-    Amount,
-    Entry,
-    Severity,
-    SiteFinding,
-    points,
-    range_text,
-    stretch,
-)
+from vsnbench.site_checks.finding import Entry, Severity, SiteFinding, points, range_text, stretch
 from vsnbench.sites.fields import Point
 from vsnbench.sites.geometry.walls import walls_of
 from vsnbench.sites.site import Door, Site, Wall, Window
@@ -58,7 +50,7 @@ def _walls(site: Site) -> Iterator[SiteFinding]:
                 f"overlap along {length_m:.2f} m",
                 "delete one of them" if length_m > 0.95 * min(wall.length_m, other.length_m) else "shorten one of them",
                 stretch(other.start, other.end),
-                Amount(length_m),
+                length_m,
                 (("walls", i), ("walls", j)),
             )
     for index, wall in enumerate(site.walls):
@@ -71,7 +63,7 @@ def _walls(site: Site) -> Iterator[SiteFinding]:
                 f"is {wall.height_m:g} m high, {over_m:.2f} m above the ceiling",
                 "omit height_m for a wall up to the ceiling",
                 stretch(wall.start, wall.end),
-                Amount(over_m),
+                over_m,
                 (("walls", index),),
             )
 
@@ -112,7 +104,7 @@ def _opening(site: Site, opening: Door | Window, name: str, entry: Entry) -> Ite
             f"({range_text(*ends)}) is not on a wall",
             advice,
             stretch(*ends),
-            Amount(off_m),
+            off_m,
             (entry,),
         )
         return
@@ -126,7 +118,7 @@ def _opening(site: Site, opening: Door | Window, name: str, entry: Entry) -> Ite
             f"({range_text(*ends)}) reaches {top_m - height_m:.2f} m above its wall, which is {height_m:g} m high",
             f"measure both again; its {field} can be at most {height_m:g}",
             stretch(*ends),
-            Amount(top_m - height_m),
+            top_m - height_m,
             (entry,),
         )
 
@@ -160,7 +152,7 @@ def _openings_in_one_place(site: Site) -> Iterator[SiteFinding]:
                 f"overlap along {shared.length:.2f} m, {range_text((x0, y0), (x1, y1))}",
                 "measure the clear openings again, or delete one of them",
                 stretch((x0, y0), (x1, y1)),
-                Amount(float(shared.length)),
+                float(shared.length),
                 (entry, other_entry),
             )
 
@@ -207,6 +199,6 @@ def _ceiling(site: Site) -> Iterator[SiteFinding]:
                 f"({range_text(door.start, door.end)}) is {door.clear_width_m:.2f} m wide",
                 "measure the clear opening between the jambs again",
                 points(door.start, door.end),
-                Amount(door.clear_width_m),
+                door.clear_width_m,
                 (("doors", index),),
             )
