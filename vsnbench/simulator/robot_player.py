@@ -124,10 +124,10 @@ class RobotPlayer:
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
         self._shininess = scene.shininess(len(site.objects))
-        self._person = SimulatedOperator() if options.is_rehearsal else None
+        self._operator = SimulatedOperator() if options.is_rehearsal else None
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        self._felt: Contact | None = None
+        self._contact: Contact | None = None
         # Stamps follow the base's clock, which starts at the present time and counts periods; the first is still to
         # pass.
         self._epoch_s = time.time() - CONTROL_PERIOD_S
@@ -179,18 +179,15 @@ class RobotPlayer:
             pose = Pose(x_m, y_m, heading_rad)
         except ValueError:
             return "the pose must be finite"
-        seed = abs(seed)
-        by_hand = self._person is not None
-        if by_hand:
+        seed, operator = abs(seed), self._operator
+        if operator:
             self._outlet.publish_lifted(True)
         with self._lock:
-            if self._person is not None:
-                pose = self._person.put_down(
-                    pose, self._base.pose, seed, lambda there: self._base.put_down(there, seed)
-                )
+            if operator:
+                pose = operator.put_down(pose, self._base.pose, seed, lambda there: self._base.put_down(there, seed))
             touched = self._base.put_down(pose, seed)
             self._rng = np.random.default_rng(seed)
-        if by_hand:
+        if operator:
             self._outlet.publish_lifted(False)
         return f"it touches {touched} there" if touched else ""
 
@@ -212,9 +209,9 @@ class RobotPlayer:
             if now_s >= battery_due_s:
                 battery_due_s = now_s + _BATTERY_PERIOD_S
                 self._outlet.publish_battery(battery_share(now_s), stamp_s)
-            if contact != self._felt:
-                self._outlet.publish_contact(self._felt, contact)
-                self._felt = contact
+            if contact != self._contact:
+                self._outlet.publish_contact(self._contact, contact)
+                self._contact = contact
             due_s = max(due_s + period_s, time.monotonic() - _GIVE_UP_CATCHING_UP_S)
             time.sleep(max(due_s - time.monotonic(), 0))
 
