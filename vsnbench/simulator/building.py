@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import shapely
 from shapely.geometry import LineString, Polygon
 
 from vsnbench.simulator.furniture.canvas import Span, rgb, turn
@@ -63,13 +64,9 @@ def _slab(
 
 def site_bounds(site: Site) -> tuple[float, float, float, float]:
     """Return (x_min, y_min, x_max, y_max) around all rooms and walls, metres."""
-    boxes = [room.shape.bounds for room in site.rooms] + [wall.shape.bounds for wall in site.walls]
-    return (
-        min(edges[0] for edges in boxes),
-        min(edges[1] for edges in boxes),
-        max(edges[2] for edges in boxes),
-        max(edges[3] for edges in boxes),
-    )
+    shapes = [room.shape for room in site.rooms] + [wall.shape for wall in site.walls]
+    x_min, y_min, x_max, y_max = shapely.total_bounds(shapes).tolist()
+    return (x_min, y_min, x_max, y_max)
 
 
 def _floors(site: Site) -> Iterator[Primitive]:

@@ -8,7 +8,7 @@ from shapely import affinity
 
 from vsnbench.simulator.building import build_structure, rectangles, site_bounds
 from vsnbench.simulator.furniture import furnish, is_extruded, plain_color
-from vsnbench.simulator.furniture.canvas import Part, multiply, rgb, turn
+from vsnbench.simulator.furniture.canvas import multiply, rgb, turn
 from vsnbench.simulator.furniture.tableware import things_on
 from vsnbench.simulator.primitives import Material, Primitive, Scene, Shape
 from vsnbench.sites.geometry.walls import top_m
@@ -53,19 +53,12 @@ def _stand(thing: SiteObject, instance: int) -> Iterator[Primitive]:
         yield from _extruded(thing, instance, _UNSEEN, visible=False, solid=True)
 
 
-def _placed(part: Part, frame: Pose, elevation_m: float, category: str) -> Primitive:
-    """Return a part of an object whose frame has a pose in the site's frame."""
+def _placed(part: Primitive, frame: Pose, elevation_m: float, category: str) -> Primitive:
+    """Return a part in the site's frame; the object's frame has the pose `frame`."""
     x, y, z = part.centre
-    return Primitive(
-        part.shape,
-        (*frame.compose(Pose(x, y)).position, elevation_m + z),
-        part.half_size,
-        part.material,
-        multiply(turn((0, 0, 1), frame.heading_rad), part.rotation),
-        category,
-        solid=part.solid,
-        taper=part.taper,
-        bevel_m=part.bevel_m,
+    centre = (*frame.compose(Pose(x, y)).position, elevation_m + z)
+    return replace(
+        part, centre=centre, rotation=multiply(turn((0, 0, 1), frame.heading_rad), part.rotation), category=category
     )
 
 
@@ -96,6 +89,6 @@ def _extruded(
     height = thing.size_m[2]
     for x0, y0, x1, y1 in rectangles(upright, inscribed=True):
         centre, half_size = ((x0 + x1) / 2, (y0 + y1) / 2, height / 2), ((x1 - x0) / 2, (y1 - y0) / 2, height / 2)
-        part = Part(Shape.BOX, centre, half_size, material)
+        part = Primitive(Shape.BOX, centre, half_size, material)
         placed = _placed(part, thing.pose, thing.elevation_m, thing.category)
         yield replace(placed, instance=instance, solid=solid, visible=visible)
