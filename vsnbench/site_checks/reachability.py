@@ -41,6 +41,7 @@ _NEIGHBOURS = np.ones((3, 3), np.bool_)
 """Cells that touch at a corner are connected."""
 
 Grid = npt.NDArray[np.int32]
+NamedSolid = tuple[BaseGeometry, str, Entry]
 
 
 def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> Iterator[SiteFinding]:
@@ -198,10 +199,11 @@ class _Search:
                     needed_m - clear_m,
                     (("doors", index),),
                 )
-        sides = sorted((float(shape.distance(here)), number) for number, (shape, _, _) in enumerate(self._solids()))
-        (first_m, first), (_, second) = sides[0], self._opposite(sides, at)
-        (solid, name, entry), (other, other_name, other_entry) = self._solids()[first], self._solids()[second]
-        gap_m = float(solid.distance(other)) or 2 * first_m
+        solids = named_solids(site)
+        sides = sorted((float(shape.distance(here)), number) for number, (shape, _, _) in enumerate(solids))
+        nearest_first = [solids[number] for _, number in sides]
+        (solid, name, entry), (other, other_name, other_entry) = nearest_first[0], _opposite(nearest_first, at)
+        gap_m = float(solid.distance(other)) or 2 * sides[0][0]
         return SiteFinding(
             Severity.ERROR,
             "passage-too-narrow",
@@ -212,28 +214,6 @@ class _Search:
             needed_m - gap_m,
             (entry, other_entry),
         )
-
-    def _opposite(self, sides: list[tuple[float, int]], at: Point) -> tuple[float, int]:
-        """Return the nearest solid on the side of a place that is opposite to the nearest solid."""
-        solids, here = self._solids(), shapely.Point(at)
-
-        def towards(number: int) -> npt.NDArray[np.float64]:
-            _, (x_m, y_m) = shapely.shortest_line(here, solids[number][0]).coords
-            return np.array([x_m - at[0], y_m - at[1]])
-
-        first = towards(sides[0][1])
-        return next((side for side in sides[1:] if float(towards(side[1]) @ first) < 0), sides[1])
-
-    def _solids(self) -> list[tuple[BaseGeometry, str, Entry]]:
-        site = self._site
-        walls: list[tuple[BaseGeometry, str, Entry]] = [
-            (shape, wall_name(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))
-        ]
-        return walls + [
-            (thing.shape, thing.id, ("objects", index))
-            for index, thing in enumerate(site.objects)
-            if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
-        ]
 
     def _shut_in(self, start: StartingPosition, goal: str) -> SiteFinding:
         """Return the closed door or object that blocks robots of any size; otherwise the room without a door."""
@@ -271,7 +251,7 @@ class _Search:
             (index, room, [door for door in site.doors if room.shape.distance(door.centre_line) < _NEAR_M])
             for index, room in enumerate(site.rooms)
         ]
-        targets = [target_point(target) for target in targets_of(site, goal)]
+        targets = [_target_point(target) for target in targets_of(site, goal)]
         places = [start.position, *targets]
         concerned = [room for at in places for room in rooms if room[1].shape.covers(shapely.Point(at))]
         for index, room, doors in concerned:
@@ -316,7 +296,31 @@ class _Search:
         return set(np.unique(labels[window][inside]).tolist()) - {0}
 
 
-def target_point(target: Target) -> Point:
+def named_solids(site: Site) -> list[NamedSolid]:
+    """Return the walls and objects that a robot can touch: footprint, name in findings and entry."""
+    walls: list[NamedSolid] = [
+        (shape, wall_name(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))
+    ]
+    return walls + [
+        (thing.shape, thing.id, ("objects", index))
+        for index, thing in enumerate(site.objects)
+        if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
+    ]
+
+
+def _opposite(nearest_first: list[NamedSolid], at: Point) -> NamedSolid:
+    """Return the nearest solid on the side of a place that is opposite to the nearest solid."""
+    here = shapely.Point(at)
+
+    def towards(solid: NamedSolid) -> npt.NDArray[np.float64]:
+        _, (x_m, y_m) = shapely.shortest_line(here, solid[0]).coords
+        return np.array([x_m - at[0], y_m - at[1]])
+
+    first = towards(nearest_first[0])
+    return next((solid for solid in nearest_first[1:] if float(towards(solid) @ first) < 0), nearest_first[1])
+
+
+def _target_point(target: Target) -> Point:
     """Return the position of an object, or the centre of a region."""
     centre = target.shape.centroid
     return target.thing.position if target.thing is not None else (float(centre.x), float(centre.y))
