@@ -17,6 +17,7 @@ from vsnbench.sites import targets
 from vsnbench.sites.geometry import line_of_sight, walls
 from vsnbench.sites.geometry.walls import solid_shapes
 from vsnbench.sites.site import Site
+from vsnbench.sites.targets import definition_sha256
 from vsnbench.values.pose import Pose
 
 RESOLUTION_M = 0.025
@@ -125,9 +126,9 @@ class FreeSpace:
         if key not in self._goal_fields:
             rules = [str(module.__file__) for module in (judge, targets, line_of_sight, walls)]
             code = code_key(__file__, *rules, str(Path(__file__).with_name("fast_marching.py")))
-            own = self.site.goal(goal)
-            definition = () if own is None else (own.sha256,)
-            made_of = (shapely.geos_version, self.site.sha256, self.cells, goal, *definition, parameters)
+            definition = definition_sha256(self.site, goal)
+            site = (self.site.sha256, self.cells, goal, *((definition,) if definition else ()))
+            made_of = (shapely.geos_version, *site, parameters)
             self._goal_fields[key] = cached_array(
                 "ways",
                 key_of(code, *made_of),

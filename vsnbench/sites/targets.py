@@ -110,3 +110,9 @@ def reached_words(site: Site, name: str) -> str:
         return f"nearest {name}"
     targets = [f"edge of {target.id}, 0 inside" if target.is_region else target.id for target in targets_of(site, name)]
     return targets[0] if len(targets) == 1 else f"nearest of {', '.join(targets)}"
+
+
+def definition_sha256(site: Site, name: str) -> str:
+    """Return the hash of a goal's definition; empty for a category, which the site's hash covers."""
+    goal = site.goal(name)
+    return "" if goal is None else goal.sha256
