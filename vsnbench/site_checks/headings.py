@@ -28,7 +28,8 @@ def heading_findings(site: Site) -> Iterator[SiteFinding]:
     """Yield findings about headings and axes."""
     radians = list(_radians(site))
     yield from radians
-    yield from _mirrored(site)
+    yield from _mirrored(site, "objects", [thing.shape for thing in site.objects])
+    yield from _mirrored(site, "starts", [shapely.Point(start.position).buffer(0.1) for start in site.starts])
     if radians:
         return
     walls = wall_shapes(site)
@@ -118,13 +119,8 @@ def _radians(site: Site) -> Iterator[SiteFinding]:
             return
 
 
-def _mirrored(site: Site) -> Iterator[SiteFinding]:
-    """Yield an error if objects or starts fit the rooms only with mirrored or exchanged axes."""
-    yield from _mirrored_list(site, "objects", [thing.shape for thing in site.objects])
-    yield from _mirrored_list(site, "starts", [shapely.Point(start.position).buffer(0.1) for start in site.starts])
-
-
-def _mirrored_list(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
+def _mirrored(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
+    """Yield an error if the objects or starts fit the rooms only with mirrored or exchanged axes."""
     rooms = shapely.union_all([room.shape for room in site.rooms])
     walls = wall_area(site).buffer(-0.02)
     x_min, y_min, x_max, y_max = rooms.bounds

@@ -60,7 +60,9 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
                 entries=goal_entries(site, [goal]),
             )
         for start in starts_of_goal:
-            if not math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules)) and search.can_stand(start):
+            if math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules)):
+                continue
+            if space.clearance_at_m(*start.position) >= space.robot_radius_m:  # else `start_findings` reports it
                 blockage = search.blockage(start, goal, rules)
                 lost.setdefault(blockage, {}).setdefault(goal, []).append(start.number)
     reported: set[Entry] = set()
@@ -116,15 +118,18 @@ class _Search:
         self._labels: dict[float, Grid] = {}
         self._goals: dict[str, npt.NDArray[np.bool_]] = {}
 
-    def can_stand(self, start: StartingPosition) -> bool:
-        """Whether the robot fits at the start; `start_findings` reports it if not."""
-        return self._space.clearance_at_m(*start.position) >= self._space.robot_radius_m
-
     def blockage(self, start: StartingPosition, goal: str, rules: ProtocolParameters) -> SiteFinding:
         """Return what blocks the path; starts in one connected part of the free space share the result."""
         home = self._label_near(self._connected(self._space.robot_radius_m), start.position)
         if home == 0:
-            return self._nowhere(start)
+            return SiteFinding(
+                Severity.ERROR,
+                "start-hemmed-in",
+                f"start {start.number}",
+                f"at {point_text(start.position)} leaves the robot no room to move",
+                "move it away from the objects around it",
+                points(start.position),
+            )
         if (home, goal) not in self._known:
             if goal not in self._goals:
                 self._goals[goal] = self._space.success_level_m(goal, rules) <= 0
@@ -251,9 +256,10 @@ class _Search:
             (index, room, [door for door in site.doors if room.shape.distance(door.centre_line) < _NEAR_M])
             for index, room in enumerate(site.rooms)
         ]
-        targets = [_target_point(target) for target in targets_of(site, goal)]
-        places = [start.position, *targets]
-        concerned = [room for at in places for room in rooms if room[1].shape.covers(shapely.Point(at))]
+        targets = targets_of(site, goal)
+        target_points = [_target_point(target) for target in targets]
+        places = [shapely.Point(at) for at in (start.position, *target_points)]
+        concerned = [room for place in places for room in rooms if room[1].shape.covers(place)]
         for index, room, doors in concerned:
             if not doors and len(site.rooms) > 1:
                 return SiteFinding(
@@ -265,24 +271,14 @@ class _Search:
                     area(*room.polygon),
                     entries=(("rooms", index),),
                 )
-        instances = [target.id for target in targets_of(site, goal)]
+        instances = [target.id for target in targets]
         return SiteFinding(
             Severity.ERROR,
             "goal-shut-in",
             instances[0] if len(instances) == 1 else f"every {goal} ({', '.join(instances)})",
             "is enclosed",
             "look for a missing door, or for furniture in the way",
-            points(*targets),
-        )
-
-    def _nowhere(self, start: StartingPosition) -> SiteFinding:
-        return SiteFinding(
-            Severity.ERROR,
-            "start-hemmed-in",
-            f"start {start.number}",
-            f"at {point_text(start.position)} leaves the robot no room to move",
-            "move it away from the objects around it",
-            points(start.position),
+            points(*target_points),
         )
 
     def _around(self, labels: Grid, shape: BaseGeometry) -> set[int]:
