@@ -12,7 +12,7 @@ from shapely.geometry import Polygon, box
 
 from vsnbench.simulator.generated_sites.layout import PlannedRoom
 from vsnbench.simulator.generated_sites.shell import Shell
-from vsnbench.sites.geometry.walls import top_m
+from vsnbench.sites.geometry.walls import TOUCH_HEIGHT_M, top_m
 from vsnbench.sites.site import SiteObject
 from vsnbench.values.pose import Pose
 
@@ -167,7 +167,7 @@ class Placer:
             covers = top_m(thing) > window.sill_m + 0.1 and thing.elevation_m < window.head_m
             if covers and thing.shape.distance(window.centre_line) < 0.3:
                 return False
-        if thing.elevation_m > 1.2:  # an object at this height blocks no path
+        if thing.elevation_m > TOUCH_HEIGHT_M:
             if any(thing.shape.distance(door.centre_line) < _BESIDE_DOOR_M for door in self.shell.doors):
                 return False
             return not any(other.shape.intersects(thing.shape) for other in self.objects if top_m(other) > 1.1)
@@ -178,11 +178,11 @@ class Placer:
         return not any(
             other.shape.distance(thing.shape) < _APART_M
             for other in self.objects
-            if other.solid and (other.elevation_m < 1.2 or top_m(thing) > other.elevation_m)
+            if other.solid and (other.elevation_m < TOUCH_HEIGHT_M or top_m(thing) > other.elevation_m)
         )
 
     def _leaves_free(self, strips: list[Polygon]) -> bool:
-        solid = [thing.shape for thing in self.objects if thing.solid and thing.elevation_m < 1.2]
+        solid = [thing.shape for thing in self.objects if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M]
         return not any(strip.intersection(shape).area > 1e-3 for strip in strips for shape in solid)
 
 
