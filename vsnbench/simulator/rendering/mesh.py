@@ -53,6 +53,7 @@ class Mesh:
     """(P, 2) first face and last face + 1."""
     colors: Floats
     """(P, 3) linear albedo."""
+    shininess: Floats
     glow: Floats
     """(P,)."""
     instances: Ints
@@ -292,6 +293,7 @@ def build_mesh(scene: Scene) -> Mesh:
         radii=np.array(radii) * 1.05,
         faces=np.stack([ends - counts, ends], axis=1).astype(np.int32),
         colors=np.array([linear(primitive.material.color) for primitive in visible]),
+        shininess=np.array([primitive.material.shininess for primitive in visible]),
         glow=np.array([primitive.material.glow for primitive in visible]),
         instances=np.array([primitive.instance for primitive in visible], np.int32),
     )
