@@ -35,8 +35,7 @@ from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sensing.images.floor_plane import fit_floor
 from vsnbench.sensing.images.intrinsics import Rectifier
 from vsnbench.simulator.generated_sites.generate import generate_site
-from vsnbench.simulator.rendering.depth_view import Pinhole
-from vsnbench.simulator.rendering.renderer import eye_of
+from vsnbench.simulator.rendering.renderer import Pinhole, eye_of
 from vsnbench.sites.site import Site, StartingPosition, load_site
 from vsnbench.values.camera import Camera
 from vsnbench.values.placement import MeasuredPlacement

@@ -14,9 +14,10 @@ import torch
 
 from training.cloning import Episodes, Lanes
 from training.flat_world import FlatWorld
-from training.networks import Describer, NetworkStudent, compressed, new_network, recall
+from training.networks import NetworkStudent, compressed, new_network, recall
 from training.recipe import load_recipe
 from training.rollout import demonstrate
+from training.seeing import Describer
 from training.shards import write_shard
 
 
@@ -40,10 +41,10 @@ def main() -> None:
     dagger_s = (time.process_time() - began) / len(driven)
 
     images = np.stack([shard.image(k) for k in range(recipe.seeing.batch)])
-    describer = Describer(sizes.visual_size)
+    describer = Describer(network)
     began = time.process_time()
     for _ in range(4):
-        describer(network.net.visual_fc(compressed(network, images))).square().mean().backward()
+        describer(images).square().mean().backward()
     seeing_s = (time.process_time() - began) / 4
     began = time.process_time()
     with torch.no_grad():
@@ -58,8 +59,7 @@ def main() -> None:
         hidden = torch.zeros(sizes.recurrent_layers, recipe.cloning.lanes, sizes.hidden_size)
         began = time.process_time()
         for _ in range(4):
-            b = lanes.take(recipe.cloning.steps, 1.0)
-            logits, _ = recall(network, b.features, b.gps_m, b.compass_rad, b.goals, b.previous, b.begins, hidden)
+            logits, _ = recall(network, lanes.take(recipe.cloning.steps, 1.0), hidden)
             logits.square().mean().backward()
         cloning_s = (time.process_time() - began) / 4
 

@@ -14,10 +14,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from training.networks import recall
+from training.networks import Inputs, recall
 from training.recipe import Recipe
 from training.shards import UNLABELLED, Shard, inflection_weight, read_shard
-from training.stage import Row, SessionContext
+from training.stage import Row, TrainingStage
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 
@@ -44,15 +44,9 @@ class Episodes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Batch:
-    """T steps of B lanes: inputs of `recall`, and targets."""
+class Batch(Inputs):
+    """T steps of B lanes with their targets, (T, B)."""
 
-    features: Tensor
-    gps_m: Tensor
-    compass_rad: Tensor
-    goals: Tensor
-    previous: Tensor
-    begins: Tensor
     expert: Tensor
     weights: Tensor
 
@@ -133,7 +127,7 @@ def train_cloning(
     plan, sizes = recipe.cloning, recipe.network
     lanes = Lanes(data, (recipe.seed, 2, round_number), plan.lanes)
     trained = [p for name, p in network.named_parameters() if not name.startswith("net.visual_encoder.")]
-    stage = SessionContext(
+    stage = TrainingStage(
         f"cloning-{round_number}",
         output / f"cloning-{round_number}.pt",
         recipe.sha256,
@@ -144,23 +138,14 @@ def train_cloning(
         recipe.save_every_updates,
     )
 
-    def step(stage: SessionContext) -> Tensor:
+    def step() -> Tensor:
         if stage.extra:
             lanes.drawn, lanes.at = list(stage.extra["drawn"]), list(stage.extra["at"])
             hidden = stage.extra["hidden"]
         else:
             hidden = torch.zeros(sizes.recurrent_layers, plan.lanes, sizes.hidden_size)
         batch = lanes.take(plan.steps, plan.least_inflection_weight)
-        logits, hidden = recall(
-            network,
-            batch.features,
-            batch.gps_m,
-            batch.compass_rad,
-            batch.goals,
-            batch.previous,
-            batch.begins,
-            hidden,
-        )
+        logits, hidden = recall(network, batch, hidden)
         stage.extra = {"drawn": list(lanes.drawn), "at": list(lanes.at), "hidden": hidden.detach()}
         losses = nn.functional.cross_entropy(
             logits.flatten(0, 1), batch.expert.flatten(), ignore_index=UNLABELLED, reduction="none"
@@ -168,10 +153,4 @@ def train_cloning(
         weights = batch.weights.flatten()
         return (losses * weights).sum() / weights.sum().clamp(min=1)
 
-    stage.run(
-        step,
-        largest_gradient=plan.largest_gradient,
-        examine=lambda _stage: examine(),
-        examine_every=recipe.validation.every_updates,
-    )
-    return stage.rows
+    return stage.run(step, plan.largest_gradient, examine, recipe.validation.every_updates)

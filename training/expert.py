@@ -122,7 +122,7 @@ def _solve(
     headings, rows, columns = wanted.shape
     area = rows * columns
     buckets = int(move_ticks.max()) + 1
-    cost = np.full(headings * area, 2**30, np.int32)
+    cost = np.full(headings * area, UNREACHED, np.int32)
     heads = np.full(buckets, -1, np.int64)
     capacity = 4 * headings * area + 1
     following = np.empty(capacity, np.int64)
@@ -161,7 +161,7 @@ def _solve(
                     price = move_ticks[row, column]
                 else:
                     before = (k + 1 - 2 * choice + headings) % headings * area + cell
-                    price = 4
+                    price = TICKS
                 if level + price < cost[before] and pushes < capacity:
                     cost[before] = level + price
                     held[pushes], following[pushes] = before, heads[(level + price) % buckets]

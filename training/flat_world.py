@@ -16,7 +16,6 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.generated_sites.generate import generate_site
-from vsnbench.simulator.generated_sites.variation import Lighting
 from vsnbench.simulator.rendering.renderer import Renderer, eye_of
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site
@@ -35,6 +34,32 @@ class View:
     """Indices of the site's objects that are large enough in the image to be recognized."""
 
 
+@dataclass(frozen=True, slots=True)
+class Lighting:
+    """Lighting and camera settings that change a finished image."""
+
+    exposure: float
+    white_balance: tuple[float, float, float]
+    gamma: float
+
+    @classmethod
+    def of(cls, seed: int) -> "Lighting":
+        """Return the lighting of a seed: from dusk to noon, from lamp light to an overcast sky."""
+        rng = np.random.default_rng([seed, 0x11])
+        warmth = float(rng.uniform(-0.12, 0.12))
+        tint = float(rng.uniform(-0.03, 0.03))
+        return cls(float(rng.uniform(0.65, 1.25)), (1 + warmth, 1 + tint, 1 - warmth), float(rng.uniform(0.85, 1.2)))
+
+    def apply(self, rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+        """Return the image (H, W, 3) uint8 with this lighting."""
+        levels = np.linspace(0.0, 1.0, 256)
+        tables = [np.clip(self.exposure * gain * levels**self.gamma, 0, 1) * 255 for gain in self.white_balance]
+        lit = np.empty_like(rgb)
+        for channel, table in enumerate(tables):
+            lit[..., channel] = np.rint(table).astype(np.uint8)[rgb[..., channel]]
+        return lit
+
+
 class FlatWorld:
     """A generated flat with one camera and one lighting."""
 
@@ -42,8 +67,8 @@ class FlatWorld:
         plan, profile = recipe.demonstrations, load_profile(recipe.profile)
         self.site: Site = generate_site(seed)
         self.size_px = recipe.network.image_size_px
-        self.camera: Camera = plan.camera_variation.draw(profile.camera, seed)
-        self._light = Lighting.draw(seed)
+        self.camera: Camera = plan.varied(profile.camera, seed)
+        self._light = Lighting.of(seed)
         self._renderer = Renderer(build_scene(self.site))
         self._space = free_space(self.site, profile.base.radius_m)
         rng = np.random.default_rng([recipe.seed, seed, 0])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,6 @@ from torch import Tensor, nn
 
 from training.flat_world import View
 from training.rollout import INDEX, Lane
-from training.shards import LABELS
 from vsnbench.models.checkpoints.residual_network import Bottleneck
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
@@ -42,19 +42,6 @@ def new_network(architecture: Architecture, seed: int) -> PIRLNavNetwork:
     return network
 
 
-class Describer(nn.Module):
-    """Head that predicts image labels, used only to train the encoder."""
-
-    def __init__(self, visual_size: int) -> None:
-        super().__init__()
-        self.linear = nn.Linear(visual_size, LABELS)
-
-    def forward(self, visual: Tensor) -> Tensor:
-        """Return (N, LABELS)."""
-        out: Tensor = self.linear(visual)
-        return out
-
-
 def compressed(network: PIRLNavNetwork, images: npt.NDArray[np.uint8]) -> Tensor:
     """Return (N, features) of (N, S, S, 3) images, before the visual fully connected layer."""
     scaled = torch.from_numpy(images).to(torch.float32) / 255
@@ -62,49 +49,48 @@ def compressed(network: PIRLNavNetwork, images: npt.NDArray[np.uint8]) -> Tensor
     return features
 
 
-def recall(
-    network: PIRLNavNetwork,
-    features: Tensor,
-    gps_m: Tensor,
-    compass_rad: Tensor,
-    goals: Tensor,
-    previous: Tensor,
-    begins: Tensor,
-    hidden: Tensor,
-) -> tuple[Tensor, Tensor]:
-    """Run the memory over T steps of B lanes.
+@dataclass(frozen=True, slots=True, eq=False)
+class Inputs:
+    """Inputs of the network after its encoder, for T steps of B lanes."""
 
-    Args:
-        network: the network; its encoder is not used.
-        features: (T, B, F) compressed features.
-        gps_m: (T, B, 2).
-        compass_rad: (T, B).
-        goals: (T, B) int64.
-        previous: (T, B) int64.
-        begins: (T, B) bool, first steps of episodes, which reset the memory.
-        hidden: (layers, B, H).
+    features: Tensor
+    """(T, B, F) compressed features."""
+    gps_m: Tensor
+    """(T, B, 2)."""
+    compass_rad: Tensor
+    """(T, B)."""
+    goals: Tensor
+    """(T, B) int64."""
+    previous: Tensor
+    """(T, B) int64."""
+    begins: Tensor
+    """(T, B) bool, first steps of episodes, which reset the memory."""
+
+
+def recall(network: PIRLNavNetwork, inputs: Inputs, hidden: Tensor) -> tuple[Tensor, Tensor]:
+    """Run the memory (layers, B, H) over all steps.
 
     Returns:
         logits (T, B, actions) and the memory after the last step.
     """
     net = network.net
-    steps, lanes = begins.shape
-    visual = net.visual_fc(features.reshape(steps * lanes, -1)).reshape(steps, lanes, -1)
-    direction = torch.stack([torch.cos(compass_rad), torch.sin(compass_rad)], dim=-1)
-    inputs = torch.cat(
+    steps, lanes = inputs.begins.shape
+    visual = net.visual_fc(inputs.features.reshape(steps * lanes, -1)).reshape(steps, lanes, -1)
+    direction = torch.stack([torch.cos(inputs.compass_rad), torch.sin(inputs.compass_rad)], dim=-1)
+    embedded = torch.cat(
         [
             visual,
-            net.gps_embedding(gps_m),
+            net.gps_embedding(inputs.gps_m),
             net.compass_embedding(direction),
-            net.obj_categories_embedding(goals),
-            net.prev_action_embedding(previous),
+            net.obj_categories_embedding(inputs.goals),
+            net.prev_action_embedding(inputs.previous),
         ],
         dim=-1,
     )
-    keep = (~begins).to(hidden.dtype)
+    keep = (~inputs.begins).to(hidden.dtype)
     outputs = []
     for step in range(steps):
-        output, hidden = net.state_encoder.rnn(inputs[step : step + 1], hidden * keep[step][None, :, None])
+        output, hidden = net.state_encoder.rnn(embedded[step : step + 1], hidden * keep[step][None, :, None])
         outputs.append(output[0])
     return network.action_distribution(torch.stack(outputs)), hidden
 
@@ -124,16 +110,15 @@ class NetworkStudent:
         empty = torch.zeros(sizes.recurrent_layers, sizes.hidden_size)
         hidden = torch.stack([self._memory.get(id(lane), empty) if lane.steps else empty for lane in lanes], dim=1)
         features = compressed(self._network, np.stack([view.rgb for view in views]))
-        logits, hidden = recall(
-            self._network,
+        inputs = Inputs(
             features[None],
             torch.tensor([[lane.gps_m for lane in lanes]], dtype=torch.float32),
             torch.tensor([[lane.compass_rad for lane in lanes]], dtype=torch.float32),
             torch.tensor([[GOALS[lane.goal] for lane in lanes]]),
             torch.tensor([[lane.previous for lane in lanes]]),
             torch.tensor([[lane.steps == 0 for lane in lanes]]),
-            hidden,
         )
+        logits, hidden = recall(self._network, inputs, hidden)
         for k, lane in enumerate(lanes):
             self._memory[id(lane)] = hidden[:, k]
         shares = torch.softmax(logits[0, :, : len(INDEX)], dim=-1)

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Final
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from vsnbench.errors import UsageError
@@ -12,7 +13,7 @@ from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.simulator.generated_sites.generate import SEEDS, Split
-from vsnbench.simulator.generated_sites.variation import CameraVariation
+from vsnbench.values.camera import Camera
 
 Span = tuple[float, float]
 Count = Annotated[int, Field(ge=1)]
@@ -66,10 +67,16 @@ class Demonstrations(_Strict):
             raise ValueError(f"{', '.join(unknown)}: the goals are {', '.join(GOALS)}")
         return goals
 
-    @property
-    def camera_variation(self) -> CameraVariation:
-        """Ranges of the camera's properties."""
-        return CameraVariation(self.mount_height_m, self.tilt_deg, self.horizontal_fov_deg)
+    def varied(self, camera: Camera, seed: int) -> Camera:
+        """Return a camera with the mount height, tilt and field of view of a site's seed."""
+        rng = np.random.default_rng([seed, 0xCA])
+        return camera.model_copy(
+            update={
+                "mount_height_m": round(float(rng.uniform(*self.mount_height_m)), 3),
+                "tilt_deg": round(float(rng.uniform(*self.tilt_deg)), 2),
+                "horizontal_fov_deg": round(float(rng.uniform(*self.horizontal_fov_deg)), 2),
+            }
+        )
 
 
 class Seeing(_Strict):

@@ -55,7 +55,6 @@ class Student(Protocol):
 
         A lane with `steps` 0 begins an episode.
         """
-        ...
 
 
 _Row = tuple[npt.NDArray[np.uint8], npt.NDArray[np.float16], tuple[float, float], float, int, int, int, bool]
@@ -157,18 +156,8 @@ def move(world: FlatWorld, lane: Lane, action: Action) -> None:
 
 def _keep(steps: _Steps, lane: Lane, image: npt.NDArray[np.uint8], view: View, expert: Action | None) -> None:
     label = UNLABELLED if expert is None else INDEX[expert]
-    steps.rows.append(
-        (
-            image,
-            view.labels,
-            lane.gps_m,
-            lane.compass_rad,
-            GOALS[lane.goal],
-            lane.previous,
-            label,
-            lane.steps == 0,
-        )
-    )
+    inputs = (lane.gps_m, lane.compass_rad, GOALS[lane.goal], lane.previous)
+    steps.rows.append((image, view.labels, *inputs, label, lane.steps == 0))
 
 
 def _shard(collected: Sequence[_Steps]) -> Shard:
@@ -196,11 +185,6 @@ class Outcome:
     successes: int
     stops: int
     actions: int
-
-    @property
-    def success_rate(self) -> float:
-        """Share of the episodes that stopped near the goal in time."""
-        return self.successes / max(self.episodes, 1)
 
 
 def evaluate(world: FlatWorld, episodes: int, student: Student, rng: np.random.Generator, max_actions: int) -> Outcome:

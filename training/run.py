@@ -64,14 +64,8 @@ def train(recipe: Recipe, output: Path, workers: int = 1) -> Path:
             features.append(_features_of(path))
             store_features(network, path, features[-1])
         shards += made
-        rows += train_cloning(
-            recipe,
-            network,
-            Episodes(shards, features),
-            number,
-            output,
-            lambda: validator.examine(network),
-        )
+        episodes = Episodes(shards, features)
+        rows += train_cloning(recipe, network, episodes, number, output, lambda: validator.examine(network))
         _write_log(rows, output)
     rows += calibrate_stop(recipe, network, output)
     _write_log(rows, output)

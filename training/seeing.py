@@ -13,25 +13,27 @@ import torch
 from torch import Tensor, nn
 
 from training.atomic_files import write_atomic
-from training.networks import Describer, compressed
+from training.networks import compressed
 from training.recipe import Recipe
-from training.shards import Shard, mirrored, read_shard
-from training.stage import Row, SessionContext
+from training.shards import LABELS, Shard, mirrored, read_shard
+from training.stage import Row, TrainingStage
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 
 _BATCH = 64
 
 
-class _Eye(nn.Module):
+class Describer(nn.Module):
+    """The network's encoder with a head that predicts image labels, used only to train the encoder."""
+
     def __init__(self, network: PIRLNavNetwork) -> None:
         super().__init__()
         self.network = network
-        self.describer = Describer(network.architecture.visual_size)
+        self.head = nn.Linear(network.architecture.visual_size, LABELS)
 
-    def describe(self, images: Tensor) -> Tensor:
-        visual: Tensor = self.network.net.visual_fc(compressed(self.network, images.numpy()))
-        answer: Tensor = self.describer(visual)
-        return answer
+    def forward(self, images: npt.NDArray[np.uint8]) -> Tensor:
+        """Return the labels (N, LABELS) of images (N, S, S, 3)."""
+        labels: Tensor = self.head(self.network.net.visual_fc(compressed(self.network, images)))
+        return labels
 
 
 def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path], output: Path) -> list[Row]:
@@ -41,37 +43,37 @@ def train_seeing(recipe: Recipe, network: PIRLNavNetwork, shards: Sequence[Path]
         The log.
     """
     torch.manual_seed(recipe.seed)
-    eye = _Eye(network).train()
+    describer = Describer(network).train()
     loaded = [read_shard(path) for path in shards]
     held_out = max(1, len(loaded) // 10) if len(loaded) > 1 else 0
     training, validation = loaded[held_out:], loaded[:held_out] or loaded
     plan = recipe.seeing
     trained = [*network.net.visual_encoder.parameters(), *network.net.visual_fc.parameters()]
-    trained += eye.describer.parameters()
-    stage = SessionContext(
+    trained += describer.head.parameters()
+    stage = TrainingStage(
         "seeing",
         output / "seeing.pt",
         recipe.sha256,
-        eye,
+        describer,
         trained,
         plan.learning_rate,
         plan.updates,
         recipe.save_every_updates,
     )
 
-    def step(stage: SessionContext) -> Tensor:
+    def step() -> Tensor:
         rng = np.random.default_rng([recipe.seed, 1, stage.update])
         images, labels = _frames(training, plan.batch, rng, mirrored_share=0.5)
-        return _error(eye.describe(images), labels)
+        return _error(describer(images), labels)
 
-    def examine(_stage: SessionContext) -> Row:
+    def examine() -> Row:
         images, labels = _frames(validation, 4 * plan.batch, np.random.default_rng(recipe.seed))
         with torch.no_grad():
-            return {"held_out_loss": float(_error(eye.describe(images), labels))}
+            return {"held_out_loss": float(_error(describer(images), labels))}
 
-    stage.run(step, largest_gradient=1.0, examine=examine, examine_every=recipe.save_every_updates)
+    rows = stage.run(step, 1.0, examine, recipe.save_every_updates)
     network.eval()
-    return stage.rows
+    return rows
 
 
 def store_features(network: PIRLNavNetwork, shard: Path, features: Path) -> None:
@@ -97,7 +99,7 @@ def write_features(path: Path, features: npt.NDArray[np.float16]) -> None:
 
 def _frames(
     shards: Sequence[Shard], count: int, rng: np.random.Generator, mirrored_share: float = 0.0
-) -> tuple[Tensor, Tensor]:
+) -> tuple[npt.NDArray[np.uint8], Tensor]:
     """Return `count` random frames and their labels, some of them mirrored."""
     images, labels = [], []
     for _ in range(count):
@@ -108,7 +110,7 @@ def _frames(
             image, label = mirrored(image, label)
         images.append(image)
         labels.append(label)
-    return torch.from_numpy(np.stack(images)), torch.from_numpy(np.stack(labels))
+    return np.stack(images), torch.from_numpy(np.stack(labels))
 
 
 def _error(answer: Tensor, labels: Tensor) -> Tensor:

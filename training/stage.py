@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 
 @dataclass(slots=True)
-class SessionContext:
+class TrainingStage:
     """Network under training, path of its state, and progress."""
 
     name: str
@@ -38,12 +38,11 @@ class SessionContext:
 
     def run(
         self,
-        step: Callable[["SessionContext"], Tensor],
-        *,
+        step: Callable[[], Tensor],
         largest_gradient: float,
-        examine: Callable[["SessionContext"], Row] | None = None,
-        examine_every: int = 0,
-    ) -> None:
+        examine: Callable[[], Row],
+        examine_every: int,
+    ) -> list[Row]:
         """Train to the last update, from the newest checkpoint if there is one.
 
         Args:
@@ -51,6 +50,9 @@ class SessionContext:
             largest_gradient: maximum norm of the gradient; larger ones are scaled down.
             examine: periodic measurement, also at the end.
             examine_every: number of updates between measurements.
+
+        Returns:
+            The log.
 
         Raises:
             TrainingError: the disk is full, the checkpoint belongs to another recipe, or the loss is not finite.
@@ -61,7 +63,7 @@ class SessionContext:
         while self.update < self.updates:
             for group in optimizer.param_groups:
                 group["lr"] = learning_rate(self.peak_rate, self.update, self.updates)
-            loss = step(self)
+            loss = step()
             if not bool(torch.isfinite(loss)):
                 raise TrainingError(f"{self.name}: the loss of update {self.update} is not finite; lower the rate")
             optimizer.zero_grad(set_to_none=True)
@@ -76,12 +78,13 @@ class SessionContext:
                 self.rows.append({"stage": self.name, "update": self.update, "loss": sum(losses) / len(losses)})
                 logger.info("%s %d/%d loss %.4f, %.2f updates/s", *self._where(), self.rows[-1]["loss"], pace)
                 began, losses = time.perf_counter(), []
-            if examine is not None and (last or (examine_every and self.update % examine_every == 0)):
-                self.rows.append({"stage": self.name, "update": self.update, **examine(self)})
+            if last or self.update % examine_every == 0:
+                self.rows.append({"stage": self.name, "update": self.update, **examine()})
                 logger.info("%s %d/%d %s", *self._where(), self.rows[-1])
                 began, losses = time.perf_counter(), []
             if last or self.update % self.save_every == 0:
                 self._save(optimizer)
+        return self.rows
 
     def _where(self) -> tuple[str, int, int]:
         return (self.name, self.update, self.updates)

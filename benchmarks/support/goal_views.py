@@ -13,9 +13,8 @@ from benchmarks.support.coco_network import Box
 from vsnbench.protocol.free_space import FreeSpace, free_space
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.primitives import Scene
-from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
-from vsnbench.simulator.rendering.raster import draw_faces
-from vsnbench.simulator.rendering.renderer import Renderer, camera_axes, eye_of
+from vsnbench.simulator.rendering.mesh import build_mesh
+from vsnbench.simulator.rendering.renderer import DepthDrawer, Pinhole, Renderer, eye_of
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.sites.site import Site
@@ -92,9 +91,9 @@ class Flat:
         self.space: FreeSpace = free_space(site, profile.base.radius_m)
         self._scene = build_scene(site)
         self._renderer = Renderer(self._scene)
-        self._mesh = build_mesh(self._scene)
-        self._meshes = {
-            number: build_mesh(Scene(parts, self._scene.bounds, self._scene.ceiling_height_m))
+        self._drawer = DepthDrawer(build_mesh(self._scene))
+        self._drawers = {
+            number: DepthDrawer(build_mesh(Scene(parts, self._scene.bounds, self._scene.ceiling_height_m)))
             for number, thing in enumerate(site.objects, start=1)
             if thing.category in GOAL_CATEGORIES
             and (parts := tuple(part for part in self._scene.primitives if part.instance == number))
@@ -113,34 +112,19 @@ class Flat:
 
     def instances(self, pose: Pose) -> npt.NDArray[np.int32]:
         """Return the object of each pixel, 1 + its index, without shading the image."""
-        seen = self._faces_seen(self._mesh, pose, 1)
-        numbers = self._mesh.instances[self._mesh.owner[seen]]
+        mesh, seen = self._drawer.mesh, self._faces_seen(self._drawer, pose, 1)
+        numbers = mesh.instances[mesh.owner[seen]]
         return np.where(seen >= 0, numbers, 0).astype(np.int32)
 
     def silhouette_px(self, number: int, pose: Pose) -> int:
         """Return the pixels of an object that nothing hides and no edge cuts."""
-        return int(np.count_nonzero(self._faces_seen(self._meshes[number], pose, _CANVAS) >= 0))
+        return int(np.count_nonzero(self._faces_seen(self._drawers[number], pose, _CANVAS) >= 0))
 
-    def _faces_seen(self, mesh: Mesh, pose: Pose, scale: int) -> npt.NDArray[np.int32]:
+    def _faces_seen(self, drawer: DepthDrawer, pose: Pose, scale: int) -> npt.NDArray[np.int32]:
         """Return the face of each pixel of a canvas `scale` times as wide and high as the image; -1 for none."""
-        eye = eye_of(self.camera, pose)
-        shape = (scale * self.camera.height, scale * self.camera.width)
-        nearness, seen = np.empty(shape, np.float32), np.empty(shape, np.int32)
-        draw_faces(
-            np.array([eye.x_m, eye.y_m, eye.z_m]),
-            camera_axes(eye),
-            self.camera.focal_px,
-            (shape[1] - 1) / 2,
-            (shape[0] - 1) / 2,
-            mesh.corners,
-            mesh.normals,
-            mesh.centres,
-            mesh.radii,
-            mesh.faces,
-            nearness,
-            seen,
-        )
-        return seen
+        width, height = scale * self.camera.width, scale * self.camera.height
+        pinhole = Pinhole(width, height, self.camera.focal_px, (width - 1) / 2, (height - 1) / 2)
+        return drawer.draw(eye_of(self.camera, pose), pinhole).face
 
 
 def goal_views(flat: Flat, category: str, count: int, random: np.random.Generator) -> Iterator[View]:

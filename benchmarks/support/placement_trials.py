@@ -12,9 +12,8 @@ from shapely import Point
 
 from vsnbench.localization.looks import DepthLook
 from vsnbench.simulator.dynamics.noise import DepthNoise, noisy_depth
-from vsnbench.simulator.rendering.depth_view import DepthDrawer, Pinhole
 from vsnbench.simulator.rendering.mesh import build_mesh
-from vsnbench.simulator.rendering.renderer import eye_of
+from vsnbench.simulator.rendering.renderer import DepthDrawer, Pinhole, eye_of
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.geometry.walls import walls_of
 from vsnbench.sites.site import Door, Site, SiteObject, StartingPosition, Window

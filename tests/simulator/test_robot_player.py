@@ -1,4 +1,4 @@
-"""A played robot, whatever its middleware: where it may be put, what it hears, and what it says of itself."""
+"""A simulated robot in real time, for any middleware: placements, commands and its account."""
 
 import math
 
@@ -16,7 +16,7 @@ ROOM = square_room(
 
 
 class Outlet:
-    """Notes whether the robot is in somebody's hands; nobody plays it here, so nothing else is said."""
+    """Records when the robot is lifted; the player is not started, so nothing else is published."""
 
     def __init__(self) -> None:
         self.lifted: list[bool] = []

@@ -9,7 +9,7 @@ import torch
 from tests.training.recipes import TINY
 from training.cloning import Episodes, Lanes
 from training.export import write_checkpoint
-from training.networks import compressed, learning_rate, new_network, recall
+from training.networks import Inputs, compressed, learning_rate, new_network, recall
 from training.recipe import Recipe, load_recipe
 from training.shards import LABELS, Shard, inflection_weight, write_shard
 from vsnbench.errors import UsageError
@@ -31,7 +31,7 @@ def test_many_steps_at_once_answer_as_the_policys_network_step_by_step() -> None
     hidden = torch.randn(SIZES.recurrent_layers, lanes, SIZES.hidden_size)
     with torch.no_grad():
         features = compressed(network, images.reshape(-1, 64, 64, 3)).reshape(steps, lanes, -1)
-        logits, after = recall(network, features, gps, compass, goals, previous, begins, hidden)
+        logits, after = recall(network, Inputs(features, gps, compass, goals, previous, begins), hidden)
         for lane in range(lanes):
             memory = hidden[:, lane : lane + 1]
             for step in range(steps):

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.localization.twin import Floats, Twin
-from vsnbench.simulator.rendering.depth_view import DepthView, Pinhole
-from vsnbench.simulator.rendering.renderer import eye_of
+from vsnbench.simulator.rendering.renderer import DepthView, Pinhole, eye_of
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 

@@ -4,8 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.localization.twin import Twin, twin_of
-from vsnbench.simulator.rendering.depth_view import Pinhole
-from vsnbench.simulator.rendering.renderer import eye_of
+from vsnbench.simulator.rendering.renderer import Pinhole, eye_of
 from vsnbench.sites.site import Site
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.simulator.rendering.depth_view import DepthDrawer
 from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
+from vsnbench.simulator.rendering.renderer import DepthDrawer
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site
 

@@ -238,12 +238,13 @@ def text_of_conditions(conditions: Mapping[str, object]) -> str:
     )
 
 
+_OPTION = "--disturb"
 _ITEM = re.compile(r"(?P<name>[^=@]*)(?:(?P<sign>[=@])(?P<value>.*))?", re.DOTALL)
 _NUMBER = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
 
 
-def parse_disturbances(values: Sequence[str], option: str = "--disturb") -> Disturbances:
-    """Return the disturbances of the values of a repeated option, like `blur=2,glare@4` and `low_light`.
+def parse_disturbances(values: Sequence[str]) -> Disturbances:
+    """Return the disturbances of the values of `--disturb`, like `blur=2,glare@4` and `low_light`.
 
     Raises:
         UsageError: a name, unit, value or severity is not valid (`unknown-disturbance`, `invalid-disturbance`), or a
@@ -251,16 +252,16 @@ def parse_disturbances(values: Sequence[str], option: str = "--disturb") -> Dist
     """
     members: dict[str, Disturbance] = {}
     for item in (item for value in values for item in value.split(",")):
-        member = _parsed(item.strip(), option)
+        member = _parsed(item.strip())
         if member.name in members:
             raise UsageError(
-                f"{option}: {member.name} is given twice", advice="give each name once", code="duplicate-disturbance"
+                f"{_OPTION}: {member.name} is given twice", advice="give each name once", code="duplicate-disturbance"
             )
         members[member.name] = member
     return Disturbances.of(members.values())
 
 
-def known_kind(name: str, option: str = "--disturb") -> DisturbanceKind:
+def known_kind(name: str) -> DisturbanceKind:
     """Return the kind with a name; a hyphen counts as an underscore.
 
     Raises:
@@ -270,7 +271,7 @@ def known_kind(name: str, option: str = "--disturb") -> DisturbanceKind:
     if kind is None:
         near = closest(name.lower().replace("-", "_"), KINDS)
         advice = f"did you mean {near}?" if near else f"give {', '.join(KINDS)}"
-        raise UsageError(f"{option}: unknown disturbance {name!r}", advice=advice, code="unknown-disturbance")
+        raise UsageError(f"{_OPTION}: unknown disturbance {name!r}", advice=advice, code="unknown-disturbance")
     return kind
 
 
@@ -280,16 +281,16 @@ def _severity(text: str, where: str) -> int:
     return int(text)
 
 
-def _parsed(item: str, option: str) -> Disturbance:
+def _parsed(item: str) -> Disturbance:
     match = _ITEM.fullmatch(item)
     if match is None or not match["name"]:
-        raise _invalid(f"{option}: cannot read {item!r}", "write blur=2 (in px), blur@3 (severity) or blur")
-    kind = known_kind(match["name"].strip(), option)
+        raise _invalid(f"{_OPTION}: cannot read {item!r}", "write blur=2 (in px), blur@3 (severity) or blur")
+    kind = known_kind(match["name"].strip())
     if match["sign"] is None:
         return kind.at(DEFAULT_SEVERITY)
     if match["sign"] == "@":
-        return kind.at(_severity(match["value"].strip(), f"{option} {item}"))
-    return Disturbance(kind.name, _value(kind, match["value"].strip(), f"{option} {item}"))
+        return kind.at(_severity(match["value"].strip(), f"{_OPTION} {item}"))
+    return Disturbance(kind.name, _value(kind, match["value"].strip(), f"{_OPTION} {item}"))
 
 
 def _value(kind: DisturbanceKind, text: str, where: str) -> float:

@@ -1,6 +1,7 @@
 """Second-order fast marching (Sethian 1999): the distance to the zero contour of a function inside free cells."""
 
 import math
+from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
@@ -34,10 +35,7 @@ def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
             if free[row, column]:
                 _begin(level, free, resolution_m, steps, distance, row, column)
                 final[row, column] = distance[row, column] != np.inf
-    # A cell is added once from the contour, and at most twice from each of its four sides.
-    keys = np.empty(9 * rows * columns)
-    cells = np.empty(9 * rows * columns, np.int64)
-    waiting = 0
+    waiting = [(0.0, 0) for _ in range(0)]  # empty, of a type that can be compiled
     for row in range(rows):
         for column in range(columns):
             if not free[row, column] or final[row, column]:
@@ -46,15 +44,14 @@ def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
                 r, c = row + steps[step, 0], column + steps[step, 1]
                 if 0 <= r < rows and 0 <= c < columns and final[r, c]:
                     distance[row, column] = _solved(level, final, resolution_m, distance, row, column)
-                    waiting = _push(keys, cells, waiting, abs(distance[row, column]), row * columns + column)
+                    heappush(waiting, (abs(distance[row, column]), row * columns + column))
                     break
     frozen = np.empty((rows * columns, 2), np.int64)
     while waiting:
-        key = keys[0]
+        key = waiting[0][0]
         count = 0
-        while waiting and keys[0] == key:  # cells of equal distance do not depend on each other
-            row, column = divmod(cells[0], columns)
-            waiting = _pop(keys, cells, waiting)
+        while waiting and waiting[0][0] == key:  # cells of equal distance do not depend on each other
+            row, column = divmod(heappop(waiting)[1], columns)
             if not final[row, column] and abs(distance[row, column]) == key:
                 final[row, column] = True
                 frozen[count, 0], frozen[count, 1] = row, column
@@ -73,45 +70,13 @@ def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
                     found = _solved(level, final, resolution_m, distance, row, column)
                     if found != 0.0:
                         distance[row, column] = found
-                        waiting = _push(keys, cells, waiting, abs(found), row * columns + column)
+                        heappush(waiting, (abs(found), row * columns + column))
                     break
     for row in range(rows):
         for column in range(columns):
             if not final[row, column]:
                 distance[row, column] = np.inf
     return distance
-
-
-@compiled
-def _push(keys: Any, cells: Any, waiting: int, key: float, cell: int) -> int:
-    """Add a cell to a heap in two arrays, and return the number of cells in it."""
-    place = waiting
-    while place > 0:
-        parent = (place - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[place], cells[place] = keys[parent], cells[parent]
-        place = parent
-    keys[place], cells[place] = key, cell
-    return waiting + 1
-
-
-@compiled
-def _pop(keys: Any, cells: Any, waiting: int) -> int:
-    """Remove the first cell of a heap, and return the number of cells left."""
-    waiting -= 1
-    key, cell = keys[waiting], cells[waiting]
-    place = 0
-    while 2 * place + 1 < waiting:
-        child = 2 * place + 1
-        if child + 1 < waiting and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
-        keys[place], cells[place] = keys[child], cells[child]
-        place = child
-    keys[place], cells[place] = key, cell
-    return waiting
 
 
 @compiled

@@ -15,7 +15,7 @@ from vsnbench.protocol.judge import success_regions
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites import targets
 from vsnbench.sites.geometry import line_of_sight, walls
-from vsnbench.sites.geometry.walls import TOUCH_HEIGHT_M, solid_shapes
+from vsnbench.sites.geometry.walls import solid_shapes
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import definition_sha256
 from vsnbench.values.pose import Pose
@@ -45,7 +45,7 @@ class FreeSpace:
     `free_space`, which caches instances.
     """
 
-    def __init__(self, site: Site, robot_radius_m: float, robot_height_m: float = TOUCH_HEIGHT_M) -> None:
+    def __init__(self, site: Site, robot_radius_m: float) -> None:
         """Compute the grid of a site: about a quarter of a second, then cached on disk."""
         self.site = site
         self.robot_radius_m = robot_radius_m
@@ -57,7 +57,7 @@ class FreeSpace:
         xs = x_min + RESOLUTION_M * np.arange(columns)
         ys = y_min + RESOLUTION_M * np.arange(rows)
         self.x_m, self.y_m = np.meshgrid(xs, ys)
-        self._solids = np.asarray(solid_shapes(site, robot_height_m), dtype=object)
+        self._solids = np.asarray(solid_shapes(site), dtype=object)
         inside = shapely.contains_xy(rooms.buffer(1e-6), self.x_m, self.y_m)
         made_of = (shapely.geos_version, shapely.to_wkb(self._solids).tolist(), self.x_m, self.y_m)
         clearance_m = cached_array(
@@ -87,9 +87,9 @@ class FreeSpace:
             return 0.0
         return float(np.min(shapely.distance(self._solids, point)))
 
-    def free_ahead_m(self, pose: Pose, reach_m: float = 1.0) -> float:
-        """Return the distance to the first wall or object ahead, to within a cell; infinity beyond `reach_m`."""
-        for distance_m in np.arange(0.0, reach_m, RESOLUTION_M):
+    def free_ahead_m(self, pose: Pose) -> float:
+        """Return the distance to the first wall or object ahead, to within a cell; infinity beyond 1 m."""
+        for distance_m in np.arange(0.0, 1.0, RESOLUTION_M):
             ahead = pose.compose(Pose(float(distance_m), 0.0))
             if self.clearance_at_m(ahead.x_m, ahead.y_m) < RESOLUTION_M:
                 return float(distance_m)

@@ -5,9 +5,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import shapely
 from shapely.geometry import LineString, Polygon
 
-from vsnbench.simulator.furniture.canvas import rgb, turn
+from vsnbench.simulator.furniture.canvas import Span, rgb, turn
 from vsnbench.simulator.primitives import Material, Primitive, Shape
 from vsnbench.sites.geometry.walls import walls_of
 from vsnbench.sites.site import Door, Room, Site, Wall, Window
@@ -16,6 +17,7 @@ _PLASTER = Material(rgb("#e9e3d6"), "plaster")
 _TILED_WALL = Material(rgb("#cfe0e2"), "wall_tiles", 0.3)
 _STEEL = Material(rgb("#c2c5c9"), "metal", 0.6)
 _FRAME = Material(rgb("#f3f1ec"), "plain", 0.2)
+_SKIRTING = Material(rgb("#e4ded2"), "plain", 0.2)
 _DOOR_WOOD = Material(rgb("#9b6f47"), "wood", 0.2)
 _SKY = Material(rgb("#ffffff"), "sky", 0.0, 1.0)
 _CEILING = Material(rgb("#f5f3ee"), "plaster")
@@ -45,54 +47,47 @@ def build_structure(site: Site) -> Iterator[Primitive]:
         yield from _wall(site, wall)
 
 
-def _slab(site: Site, z: tuple[float, float], material: Material, category: str) -> Primitive:
-    x0, y0, x1, y1 = site_bounds(site)
+def _slab(
+    edges: tuple[float, float, float, float], z: Span, material: Material, category: str, *, solid: bool = True
+) -> Primitive:
+    """Return a horizontal slab; `edges` are x_min, y_min, x_max and y_max."""
+    x0, y0, x1, y1 = edges
     return Primitive(
         Shape.BOX,
         ((x0 + x1) / 2, (y0 + y1) / 2, (z[0] + z[1]) / 2),
         ((x1 - x0) / 2, (y1 - y0) / 2, (z[1] - z[0]) / 2),
         material,
         category=category,
+        solid=solid,
     )
 
 
 def site_bounds(site: Site) -> tuple[float, float, float, float]:
     """Return (x_min, y_min, x_max, y_max) around all rooms and walls, metres."""
-    boxes = [room.shape.bounds for room in site.rooms] + [wall.shape.bounds for wall in site.walls]
-    return (
-        min(edges[0] for edges in boxes),
-        min(edges[1] for edges in boxes),
-        max(edges[2] for edges in boxes),
-        max(edges[3] for edges in boxes),
-    )
+    shapes = [room.shape for room in site.rooms] + [wall.shape for wall in site.walls]
+    x_min, y_min, x_max, y_max = shapely.total_bounds(shapes).tolist()
+    return (x_min, y_min, x_max, y_max)
 
 
 def _floors(site: Site) -> Iterator[Primitive]:
-    base = _FLOORS[site.rooms[0].floor]
+    base, bounds = _FLOORS[site.rooms[0].floor], site_bounds(site)
     # The robot drives on one slab: the wheels would react to seams between the rooms' floors.
-    yield replace(_slab(site, (-0.1, 0.0), base, "floor"), visible=False)
-    yield replace(_slab(site, (-0.1, -_SKIN), base, "floor"), solid=False)
+    yield replace(_slab(bounds, (-0.1, 0.0), base, "floor"), visible=False)
+    yield _slab(bounds, (-0.1, -_SKIN), base, "floor", solid=False)
     for room in site.rooms:
         material = _FLOORS[room.floor]
         if room.floor_color is not None:
             material = replace(material, color=rgb(room.floor_color))
-        for x0, y0, x1, y1 in rectangles(room.shape):
-            yield Primitive(
-                Shape.BOX,
-                ((x0 + x1) / 2, (y0 + y1) / 2, -_SKIN / 2),
-                ((x1 - x0) / 2, (y1 - y0) / 2, _SKIN / 2),
-                material,
-                category="floor",
-                solid=False,
-            )
-    yield _slab(site, (site.ceiling_height_m, site.ceiling_height_m + 0.1), _CEILING, "ceiling")
+        for edges in rectangles(room.shape):
+            yield _slab(edges, (-_SKIN, 0.0), material, "floor", solid=False)
+    yield _slab(bounds, (site.ceiling_height_m, site.ceiling_height_m + 0.1), _CEILING, "ceiling")
     for room in site.rooms:
         yield from _ceiling_lights(room, site.ceiling_height_m)
 
 
 def _ceiling_lights(room: Room, ceiling_m: float) -> Iterator[Primitive]:
     """Yield flat round lights, about one per four metres of a room."""
-    bands = [(x0, y0, x1, y1) for x0, y0, x1, y1 in rectangles(room.shape, slice_m=2.0)]
+    bands = list(rectangles(room.shape, slice_m=2.0))
     wide = [band for band in bands if min(band[2] - band[0], band[3] - band[1]) > 1.2] or bands
     for x0, y0, x1, y1 in wide:
         columns, rows = math.ceil((x1 - x0) / 4), math.ceil((y1 - y0) / 4)
@@ -149,11 +144,16 @@ class _Run:
 
     wall: Wall
 
+    @property
+    def half(self) -> float:
+        """Half the thickness of the wall."""
+        return self.wall.thickness_m / 2
+
     def block(
         self,
-        along: tuple[float, float],
-        across: tuple[float, float],
-        z: tuple[float, float],
+        along: Span,
+        across: Span,
+        z: Span,
         material: Material,
         category: str = "wall",
         solid: bool = True,
@@ -180,12 +180,17 @@ class _Run:
         (x0, y0), (x1, y1) = self.wall.start, self.wall.end
         return ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / self.wall.length_m
 
-    def place(self, site: Site, opening: Door | Window) -> tuple[float, float] | None:
+    def place(self, site: Site, opening: Door | Window) -> Span | None:
         """Return the ends of a door or window along the wall, or None if it is not on this wall."""
         if self.wall not in walls_of(site, opening.start, opening.end):
             return None
-        reach = sorted((self.along(*opening.start), self.along(*opening.end)))
-        return (reach[0], reach[1])
+        ends = (self.along(*opening.start), self.along(*opening.end))
+        return (min(ends), max(ends))
+
+
+def _face(side: int, near: float, far: float) -> Span:
+    """Return the span between two distances from the wall's centre line on one side of it, -1 or 1."""
+    return (near, far) if side > 0 else (-far, -near)
 
 
 _JAMB = 0.04
@@ -195,7 +200,7 @@ _CLADDING_M = 2.0
 
 def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
     run = _Run(wall)
-    half = wall.thickness_m / 2
+    half = run.half
     height = site.ceiling_height_m if wall.height_m is None else min(wall.height_m, site.ceiling_height_m)
     material = _PLASTER if wall.color is None else replace(_PLASTER, color=rgb(wall.color))
     openings: list[_Opening] = []
@@ -204,64 +209,54 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
         if at is not None:
             top = min(door.height_m, height)
             openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
-            yield from _door_frame(run, at, half, top)
-            yield from _leaf(run, door, at, half, top)
+            yield from _door_frame(run, at, top)
+            if door.closed:
+                yield from _leaf(run, door, at, top)
     for window in site.windows:
         at = run.place(site, window)
         if at is not None and window.sill_m < height:
             head = min(window.head_m, height)
             openings.append(_Opening(*at, window.sill_m, head))
-            yield from _window(run, at, half, window, head)
+            yield from _window(run, at, window, head)
     openings.sort(key=lambda opening: opening.start)
-    skirting = replace(_FRAME, color=rgb("#e4ded2"))
     cursor = -half
     for opening in openings:
         if opening.start > cursor:
-            yield from _stretch(site, run, (cursor, opening.start), half, height, material, skirting)
+            yield from _stretch(site, run, (cursor, opening.start), height, material)
         span = (max(cursor, opening.start), opening.end)
         if opening.bottom > 0:
-            yield from _stretch(site, run, span, half, opening.bottom, material, skirting)
+            yield from _stretch(site, run, span, opening.bottom, material)
         if height - opening.top > 1e-3:
             yield run.block(span, (-half, half), (opening.top, height), material)
         cursor = max(cursor, opening.end)
     if wall.length_m + half > cursor:
-        yield from _stretch(site, run, (cursor, wall.length_m + half), half, height, material, skirting)
+        yield from _stretch(site, run, (cursor, wall.length_m + half), height, material)
 
 
-def _stretch(
-    site: Site,
-    run: _Run,
-    along: tuple[float, float],
-    half: float,
-    height: float,
-    material: Material,
-    skirting: Material,
-) -> Iterator[Primitive]:
+def _stretch(site: Site, run: _Run, along: Span, height: float, material: Material) -> Iterator[Primitive]:
+    half = run.half
     yield run.block(along, (-half, half), (0.0, height), material)
-    yield from _cladding(site, run, along, half, height)
+    yield from _cladding(site, run, along, height)
     if height > 0.3:
-        yield run.block(along, (-half - 0.012, half + 0.012), (0.0, 0.07), skirting, solid=False)
+        yield run.block(along, (-half - 0.012, half + 0.012), (0.0, 0.07), _SKIRTING, solid=False)
 
 
-def _door_frame(run: _Run, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
+def _door_frame(run: _Run, at: Span, top: float) -> Iterator[Primitive]:
     """Yield the lining inside the opening and the casing on both faces of the wall; the clear width stays free."""
-    height = top + _JAMB
+    height, half = top + _JAMB, run.half
     for low, high in ((at[0] - _JAMB, at[0]), (at[1], at[1] + _JAMB)):
         yield run.block((low, high), (-half, half), (0.0, height), _DOOR_WOOD, "door")
     yield run.block(at, (-half, half), (top, height), _DOOR_WOOD, "door")
     for side in (-1, 1):
-        face = sorted((side * half, side * (half + 0.015)))
-        across = (face[0], face[1])
+        across = _face(side, half, half + 0.015)
         for low, high in ((at[0] - 0.07, at[0]), (at[1], at[1] + 0.07)):
             yield run.block((low, high), across, (0.0, top), _DOOR_WOOD, "door", solid=False)
         yield run.block((at[0] - 0.07, at[1] + 0.07), across, (top, top + 0.07), _DOOR_WOOD, "door", solid=False)
 
 
-def _leaf(run: _Run, door: Door, at: tuple[float, float], half: float, top: float) -> Iterator[Primitive]:
-    """Yield a closed door's leaf with panels and handles; the leaf of an open door is not drawn."""
-    if not door.closed:
-        return
-    leaf = max(half - 0.03, 0.02)
+def _leaf(run: _Run, door: Door, at: Span, top: float) -> Iterator[Primitive]:
+    """Yield a closed door's leaf with panels and handles."""
+    leaf = max(run.half - 0.03, 0.02)
     yield run.block(at, (-leaf, leaf), (0.0, top), _DOOR_WOOD, "door")
     wide = at[1] - at[0]
     panel = replace(_DOOR_WOOD, color=rgb("#8a603b"))
@@ -270,33 +265,31 @@ def _leaf(run: _Run, door: Door, at: tuple[float, float], half: float, top: floa
     inwards = -0.12 if hinge_low else 0.12
     for side in (-1, 1):
         for low, high in ((0.12 * top, 0.42 * top), (0.56 * top, 0.93 * top)):
-            face = sorted((side * leaf, side * (leaf + 0.006)))
             span = (at[0] + 0.16 * wide, at[1] - 0.16 * wide)
-            yield run.block(span, (face[0], face[1]), (low, high), panel, "door", solid=False)
-        face = sorted((side * leaf, side * (leaf + 0.008)))
-        yield run.block((lock - 0.02, lock + 0.02), (face[0], face[1]), (0.98, 1.14), _STEEL, "door", solid=False)
-        face = sorted((side * (leaf + 0.02), side * (leaf + 0.035)))
-        along = sorted((lock, lock + inwards))
-        yield run.block((along[0], along[1]), (face[0], face[1]), (1.06, 1.08), _STEEL, "door", solid=False)
+            yield run.block(span, _face(side, leaf, leaf + 0.006), (low, high), panel, "door", solid=False)
+        plate, handle = _face(side, leaf, leaf + 0.008), _face(side, leaf + 0.02, leaf + 0.035)
+        yield run.block((lock - 0.02, lock + 0.02), plate, (0.98, 1.14), _STEEL, "door", solid=False)
+        along = (min(lock, lock + inwards), max(lock, lock + inwards))
+        yield run.block(along, handle, (1.06, 1.08), _STEEL, "door", solid=False)
 
 
-def _cladding(site: Site, run: _Run, along: tuple[float, float], half: float, height: float) -> Iterator[Primitive]:
+def _cladding(site: Site, run: _Run, along: Span, height: float) -> Iterator[Primitive]:
     """Yield tiles on the sides of a wall segment that face a room with a tiled floor."""
+    z = (0.0, min(height, _CLADDING_M))
     for side in (-1, 1):
-        line = LineString([run.point(distance, side * (half + 0.02)) for distance in along])
+        line = LineString([run.point(distance, side * (run.half + 0.02)) for distance in along])
         for room in site.rooms:
             if room.floor != "tiles":
                 continue
             shared = line.intersection(room.shape)
             for piece in getattr(shared, "geoms", [shared]):
                 if piece.length > 0.01:
-                    ends = sorted(run.along(*point) for point in piece.coords)
-                    face = sorted((side * half, side * (half + 0.005)))
-                    top = min(height, _CLADDING_M)
-                    yield run.block((ends[0], ends[-1]), (face[0], face[1]), (0.0, top), _TILED_WALL, solid=False)
+                    ends = [run.along(*point) for point in piece.coords]
+                    face = _face(side, run.half, run.half + 0.005)
+                    yield run.block((min(ends), max(ends)), face, z, _TILED_WALL, solid=False)
 
 
-def _window(run: _Run, at: tuple[float, float], half: float, window: Window, head: float) -> Iterator[Primitive]:
+def _window(run: _Run, at: Span, window: Window, head: float) -> Iterator[Primitive]:
     sill = window.sill_m
     edge = 0.05
     pane = (-0.01, 0.01)
@@ -309,5 +302,5 @@ def _window(run: _Run, at: tuple[float, float], half: float, window: Window, hea
     if at[1] - at[0] > 0.9:
         middle = (at[0] + at[1]) / 2
         yield run.block((middle - 0.025, middle + 0.025), bar, (sill + edge, head - edge), _FRAME, "window")
-    ledge = half + 0.04
+    ledge = run.half + 0.04
     yield run.block((at[0] - 0.03, at[1] + 0.03), (-ledge, ledge), (sill - 0.03, sill), _FRAME, "window", solid=False)

@@ -37,7 +37,7 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """A shape in the site's frame."""
+    """A shape in the site's frame; the parts of furniture are in its own frame until they are placed."""
 
     shape: Shape
     centre: Vector

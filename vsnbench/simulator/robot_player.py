@@ -17,9 +17,11 @@ from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, simulator_version
 from vsnbench.simulator.dynamics.simulated_base import Contact, SimulatedBase
 from vsnbench.simulator.rendering.renderer import Renderer
+from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_operator import SimulatedOperator
 from vsnbench.sites.site import Site
+from vsnbench.values.encoding.images import depth_millimetres
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import RobotProfile
@@ -64,35 +66,27 @@ class RobotOutlet(Protocol):
 
     def publish_time(self, stamp_s: float) -> None:
         """Called after each control period."""
-        ...
 
     def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Called with each odometry measurement."""
-        ...
 
     def publish_truth(self, pose: Pose, stamp_s: float) -> None:
         """Called with the true pose in the site's frame."""
-        ...
 
     def publish_battery(self, share: float, stamp_s: float) -> None:
         """Called with the battery's state: 0 empty, 1 full."""
-        ...
 
     def publish_lifted(self, lifted: bool) -> None:
         """Called when the operator lifts the robot or puts it down."""
-        ...
 
     def publish_contact(self, _before: Contact | None, now: Contact | None) -> None:
         """Called when a contact begins, changes or ends."""
-        ...
 
     def wants_pictures(self) -> bool:
         """Whether the images have a receiver."""
-        ...
 
     def publish_picture(self, picture: Picture) -> None:
         """Called with each set of images."""
-        ...
 
 
 class RobotPlayer:
@@ -130,10 +124,10 @@ class RobotPlayer:
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
         self._shininess = scene.shininess(len(site.objects))
-        self._person = SimulatedOperator() if options.is_rehearsal else None
+        self._operator = SimulatedOperator() if options.is_rehearsal else None
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        self._felt: Contact | None = None
+        self._contact: Contact | None = None
         # Stamps follow the base's clock, which starts at the present time and counts periods; the first is still to
         # pass.
         self._epoch_s = time.time() - CONTROL_PERIOD_S
@@ -185,18 +179,15 @@ class RobotPlayer:
             pose = Pose(x_m, y_m, heading_rad)
         except ValueError:
             return "the pose must be finite"
-        seed = abs(seed)
-        by_hand = self._person is not None
-        if by_hand:
+        seed, operator = abs(seed), self._operator
+        if operator:
             self._outlet.publish_lifted(True)
         with self._lock:
-            if self._person is not None:
-                pose = self._person.put_down(
-                    pose, self._base.pose, seed, lambda there: self._base.put_down(there, seed)
-                )
+            if operator:
+                pose = operator.put_down(pose, self._base.pose, seed, lambda there: self._base.put_down(there, seed))
             touched = self._base.put_down(pose, seed)
             self._rng = np.random.default_rng(seed)
-        if by_hand:
+        if operator:
             self._outlet.publish_lifted(False)
         return f"it touches {touched} there" if touched else ""
 
@@ -218,9 +209,9 @@ class RobotPlayer:
             if now_s >= battery_due_s:
                 battery_due_s = now_s + _BATTERY_PERIOD_S
                 self._outlet.publish_battery(battery_share(now_s), stamp_s)
-            if contact != self._felt:
-                self._outlet.publish_contact(self._felt, contact)
-                self._felt = contact
+            if contact != self._contact:
+                self._outlet.publish_contact(self._contact, contact)
+                self._contact = contact
             due_s = max(due_s + period_s, time.monotonic() - _GIVE_UP_CATCHING_UP_S)
             time.sleep(max(due_s - time.monotonic(), 0))
 
@@ -242,17 +233,11 @@ class RobotPlayer:
         if self._options.noise is not None:
             shininess = self._shininess[frame.instance]
             depth_m = noisy_depth(depth_m, frame.rgb, shininess, self._options.noise.depth, self._rng)
-        depth_mm = _millimetres(depth_m, self._profile)
-        return Picture(self._epoch_s + now_s, frame.rgb, depth_mm, frame.instance.astype(np.uint16))
+        camera = self._profile.camera
+        mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
+        return Picture(self._epoch_s + now_s, frame.rgb, depth_millimetres(depth_m), frame.instance.astype(np.uint16))
 
 
 def battery_share(passed_s: float) -> float:
     """Return the state of a simulated battery after a time in seconds."""
     return max(_BATTERY_AT_FIRST - passed_s / 3600 / BATTERY_FULL_H, 0.0)
-
-
-def _millimetres(depth_m: npt.NDArray[np.float32], profile: RobotProfile) -> npt.NDArray[np.uint16]:
-    """Return depth as camera drivers send it: whole millimetres, 0 out of range."""
-    nearest_m, farthest_m = profile.camera.depth_min_m, min(profile.camera.depth_max_m, 65.534)
-    valid = (depth_m >= nearest_m) & (depth_m <= farthest_m)
-    return np.where(valid, np.rint(np.where(valid, depth_m, 0) * 1000), 0).astype(np.uint16)

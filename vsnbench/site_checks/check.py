@@ -19,11 +19,10 @@ def layout_findings(site: Site) -> list[SiteFinding]:
     return [*heading_findings(site), *room_findings(site), *wall_findings(site), *object_findings(site)]
 
 
-def check_site(site: Site, robot_radius_m: float, parameters: ProtocolParameters | None = None) -> list[SiteFinding]:
+def check_site(site: Site, robot_radius_m: float) -> list[SiteFinding]:
     """Return all findings about a site for a robot with the given radius, errors first."""
-    rules = ProtocolParameters() if parameters is None else parameters
     space = free_space(site, robot_radius_m)
-    findings = [*layout_findings(site), *start_findings(site, space, rules)]
+    findings = [*layout_findings(site), *start_findings(site, space, ProtocolParameters())]
     return sorted(findings, key=lambda finding: finding.severity is not Severity.ERROR)
 
 

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import shapely
+from shapely.geometry.base import BaseGeometry
+
 from vsnbench.errors import VsnbenchError
 from vsnbench.sites.fields import Point
 from vsnbench.sites.site import Site
@@ -60,12 +63,9 @@ def area(*corners: Point) -> Place:
     return Place(PlaceKind.AREA, corners)
 
 
-@dataclass(frozen=True, slots=True)
-class Amount:
-    """Size of an error."""
-
-    value: float
-    unit: str = "m"
+def outline(polygon: BaseGeometry) -> Place:
+    """Return the exterior of a polygon as a place."""
+    return area(*((x, y) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(polygon))[:-1].tolist()))
 
 
 Entry = tuple[str, int]
@@ -86,9 +86,11 @@ class SiteFinding:
     advice: str = ""
     """The fix."""
     place: Place = Place()
-    amount: Amount | None = None
+    amount: float | None = None
+    """Size of the error, in `unit`."""
     entries: tuple[Entry, ...] = ()
     """Entries of the file that cause it."""
+    unit: str = "m"
     line: int | None = None
     """Line of the file, from 1, for an error of the format."""
 
@@ -114,7 +116,7 @@ class SiteFinding:
             "advice": self.advice,
             "message": self.message,
             "place": self.place.geometry(),
-            "amount": None if self.amount is None else {"value": round(self.amount.value, 4), "unit": self.amount.unit},
+            "amount": None if self.amount is None else {"value": round(self.amount, 4), "unit": self.unit},
             "entries": [list(entry) for entry in self.entries],
             "line": self.line,
         }

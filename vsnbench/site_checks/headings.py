@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import shapely
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.site_checks.finding import Amount, Severity, SiteFinding, point_text, points
-from vsnbench.site_checks.objects import footprint_of
+from vsnbench.site_checks.finding import Severity, SiteFinding, outline, point_text, points
 from vsnbench.site_checks.walls import wall_name
 from vsnbench.sites.geometry.walls import wall_area, wall_shapes
 from vsnbench.sites.site import Site, SiteObject
@@ -26,33 +24,21 @@ _SUSPICIOUS = 3
 """Minimum number of errors that suggest one common cause."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Facing:
-    """Distances of an object's front and back from the nearest walls."""
-
-    front_m: float
-    back_m: float
-    wall: int
-
-    @property
-    def is_wrong(self) -> bool:
-        return self.front_m < _AT_WALL_M and self.back_m > self.front_m + _BACK_FREE_M
-
-
 def heading_findings(site: Site) -> Iterator[SiteFinding]:
     """Yield findings about headings and axes."""
     radians = list(_radians(site))
     yield from radians
-    yield from _mirrored(site)
+    yield from _mirrored(site, "objects", [thing.shape for thing in site.objects])
+    yield from _mirrored(site, "starts", [shapely.Point(start.position).buffer(0.1) for start in site.starts])
     if radians:
         return
     walls = wall_shapes(site)
     tree = shapely.STRtree(walls)
-    wrong = [(index, found) for index, found in _facings(site, walls, tree, 1.0) if found.is_wrong]
+    wrong = list(_facing_walls(site, walls, tree, 1.0))
     if len(wrong) >= _SUSPICIOUS:
-        clockwise = sum(found.is_wrong for _, found in _facings(site, walls, tree, -1.0))
+        clockwise = len(list(_facing_walls(site, walls, tree, -1.0)))
         if clockwise <= len(wrong) / 4:
-            things = [site.objects[index] for index, _ in wrong]
+            things = [site.objects[index] for index, _, _ in wrong]
             yield SiteFinding(
                 Severity.WARNING,
                 "headings-clockwise",
@@ -60,35 +46,39 @@ def heading_findings(site: Site) -> Iterator[SiteFinding]:
                 f"has {len(wrong)} objects that face a wall, and {clockwise or 'none'} with negated headings",
                 "headings run counter-clockwise from x: 90 is up, -90 is down; negate them",
                 points(*(thing.position for thing in things)),
-                entries=tuple(("objects", index) for index, _ in wrong),
+                entries=tuple(("objects", index) for index, _, _ in wrong),
             )
             return
-    for index, found in wrong:
+    for index, wall, front_m in wrong:
         thing = site.objects[index]
         name = "television " if thing.model == "television" and "television" not in thing.id else ""
         yield SiteFinding(
             Severity.WARNING,
             "faces-wall",
             f"{name}{thing.id}",
-            f"at {point_text(thing.position)} faces {wall_name(site, found.wall)} at {found.front_m:.2f} m",
+            f"at {point_text(thing.position)} faces {wall_name(site, wall)} at {front_m:.2f} m",
             f"heading_deg is the direction of its front: {math.remainder(thing.heading_deg + 180, 360):g} is opposite",
-            footprint_of(thing),
-            Amount(found.front_m),
+            outline(thing.shape),
+            front_m,
             (("objects", index),),
         )
 
 
-def _facings(
+def _facing_walls(
     site: Site, walls: list[BaseGeometry], tree: shapely.STRtree, sign: float
-) -> Iterator[tuple[int, _Facing]]:
-    """Yield the facing of each object that is near a wall, with its heading multiplied by `sign`."""
+) -> Iterator[tuple[int, int, float]]:
+    """Yield each object with its front against a wall and its back free: its index, the wall's, and their distance.
+
+    Headings are multiplied by `sign`.
+    """
     for index, thing in enumerate(site.objects):
         if thing.category in _FRONTED and thing.footprint is None:
             heading_rad = math.radians(sign * thing.heading_deg)
             front_m, wall = _before(thing, heading_rad, walls, tree)
             if front_m < _AT_WALL_M:
                 back_m, _ = _before(thing, heading_rad + math.pi, walls, tree)
-                yield index, _Facing(front_m, back_m, wall)
+                if back_m > front_m + _BACK_FREE_M:
+                    yield index, wall, front_m
 
 
 def _before(
@@ -129,13 +119,8 @@ def _radians(site: Site) -> Iterator[SiteFinding]:
             return
 
 
-def _mirrored(site: Site) -> Iterator[SiteFinding]:
-    """Yield an error if objects or starts fit the rooms only with mirrored or exchanged axes."""
-    yield from _mirrored_list(site, "objects", [thing.shape for thing in site.objects])
-    yield from _mirrored_list(site, "starts", [shapely.Point(start.position).buffer(0.1) for start in site.starts])
-
-
-def _mirrored_list(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
+def _mirrored(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:
+    """Yield an error if the objects or starts fit the rooms only with mirrored or exchanged axes."""
     rooms = shapely.union_all([room.shape for room in site.rooms])
     walls = wall_area(site).buffer(-0.02)
     x_min, y_min, x_max, y_max = rooms.bounds

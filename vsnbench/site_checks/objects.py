@@ -3,25 +3,13 @@
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.site_checks.finding import (
-    TOUCHING_M2,
-    Amount,
-    Entry,
-    Place,
-    PlaceKind,
-    Severity,
-    SiteFinding,
-    area,
-    point_text,
-    points,
-)
+from vsnbench.site_checks.finding import TOUCHING_M2, Entry, Severity, SiteFinding, outline, point_text, points
 from vsnbench.site_checks.walls import door_name, wall_name
 from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, near_category, suggest_category
 from vsnbench.sites.fields import Point
@@ -45,7 +33,7 @@ def object_findings(site: Site) -> Iterator[SiteFinding]:
             yield from _category(thing, entry)
         yield from _place(site, thing, entry, rooms, walls)
         yield from _height(site, thing, entry, walls)
-        yield from _outline(thing, entry)
+        yield from _footprint(thing, entry)
     solid = [(index, thing) for index, thing in enumerate(site.objects) if thing.solid]
     tree = shapely.STRtree([thing.shape for _, thing in solid])
     for first, second in sorted(zip(*tree.query(tree.geometries, predicate="intersects"), strict=True)):
@@ -55,27 +43,21 @@ def object_findings(site: Site) -> Iterator[SiteFinding]:
 
 
 def _error(
-    code: str, thing: SiteObject, entry: Entry, problem: str, advice: str, amount: Amount | None = None
+    code: str, thing: SiteObject, problem: str, advice: str, amount: float | None, *entries: Entry
 ) -> SiteFinding:
-    return SiteFinding(Severity.ERROR, code, thing.id, problem, advice, footprint_of(thing), amount, (entry,))
-
-
-def footprint_of(thing: SiteObject) -> Place:
-    """Return an object's outline as a place."""
-    corners = shapely.get_coordinates(thing.shape.exterior)[:-1]
-    return area(*((float(x), float(y)) for x, y in corners))
+    return SiteFinding(Severity.ERROR, code, thing.id, problem, advice, outline(thing.shape), amount, entries)
 
 
 def _category(thing: SiteObject, entry: Entry) -> Iterator[SiteFinding]:
     """Report a category that is not a word, or that is probably a misspelt built-in one."""
     if not CATEGORY_WORD.fullmatch(thing.category) or thing.category in ALIASES:
         known = suggest_category(thing.category)
-        yield _error("unknown-category", thing, entry, f"has the unknown category {thing.category!r}", known)
+        yield _error("unknown-category", thing, f"has the unknown category {thing.category!r}", known, None, entry)
     elif near := near_category(thing.category):
         problem = f"has the category {thing.category!r}, which is not a built-in one"
         advice = f"did you mean {near}? Otherwise ignore this: the simulator draws it as a box"
         yield SiteFinding(
-            Severity.WARNING, "near-category", thing.id, problem, advice, footprint_of(thing), None, (entry,)
+            Severity.WARNING, "near-category", thing.id, problem, advice, outline(thing.shape), None, (entry,)
         )
 
 
@@ -86,7 +68,7 @@ def _place(
     if not rooms.intersects(thing.shape):
         off_m = float(rooms.distance(thing.shape))
         problem = f"at {at} is outside every room, {off_m:.2f} m from the nearest"
-        yield _error("object-outside", thing, entry, problem, suggest_position(thing.position, rooms), Amount(off_m))
+        yield _error("object-outside", thing, problem, suggest_position(thing.position, rooms), off_m, entry)
         return
     inside = [float(thing.shape.intersection(wall).area) for wall in walls]
     deepest = max(range(len(walls)), key=lambda index: inside[index])
@@ -95,30 +77,18 @@ def _place(
         into_m = _depth_in_wall_m(thing, site.walls[deepest])
         problem = f"at {at} reaches {into_m:.2f} m into {wall_name(site, deepest)}"
         advice = _exchange_advice(thing, rooms, walls) or "move it by this distance, or measure its size again"
-        finding = _error("object-in-wall", thing, entry, problem, advice, Amount(into_m))
-        yield _with_entry(finding, ("walls", deepest))
+        yield _error("object-in-wall", thing, problem, advice, into_m, entry, ("walls", deepest))
     elif out.area > TOUCHING_M2 and out.difference(shapely.union_all(walls)).area > TOUCHING_M2:
         out_m = _depth_m(out)
-        yield _error(
-            "object-out-of-room",
-            thing,
-            entry,
-            f"at {at} reaches {out_m:.2f} m out of the rooms",
-            "move it",
-            Amount(out_m),
-        )
+        problem = f"at {at} reaches {out_m:.2f} m out of the rooms"
+        yield _error("object-out-of-room", thing, problem, "move it", out_m, entry)
     for index, door in enumerate(site.doors):
         doorway = door.centre_line.buffer(0.05, cap_style="flat")
         blocked = thing.shape.intersection(doorway)
         if thing.solid and blocked.area > TOUCHING_M2:
-            blocked_m = _longest_m(blocked)
+            blocked_m = max(_sides_m(blocked))
             problem = f"blocks {blocked_m:.2f} m of the {door.clear_width_m:.2f} m opening of {door_name(door)}"
-            finding = _error("object-in-doorway", thing, entry, problem, "move it", Amount(blocked_m))
-            yield _with_entry(finding, ("doors", index))
-
-
-def _with_entry(finding: SiteFinding, entry: Entry) -> SiteFinding:
-    return replace(finding, entries=(*finding.entries, entry))
+            yield _error("object-in-doorway", thing, problem, "move it", blocked_m, entry, ("doors", index))
 
 
 def suggest_position(position: Point, rooms: BaseGeometry) -> str:
@@ -167,7 +137,7 @@ def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometr
         advice = "measure its height and its elevation_m again"
         if max(thing.size_m[:2]) <= site.ceiling_height_m and thing.size_m[2] > 1.5 * max(thing.size_m[:2]):
             advice += "; size_m is [depth along its heading, width, height]"
-        yield _error("object-above-ceiling", thing, entry, problem, advice, Amount(over_m))
+        yield _error("object-above-ceiling", thing, problem, advice, over_m, entry)
     if thing.elevation_m <= _ON_TOP_M or min(wall.distance(thing.shape) for wall in walls) < _HANGS_M:
         return
     below = [other for other in site.objects if other is not thing and other.shape.intersects(thing.shape)]
@@ -181,13 +151,13 @@ def _height(site: Site, thing: SiteObject, entry: Entry, walls: list[BaseGeometr
         thing.id,
         f"at {point_text(thing.position)} is {gap_m:.2f} m above the floor or object under it",
         f"elevation_m is the height of its underside above the floor: {max(tops, default=0.0):g} without a gap",
-        footprint_of(thing),
-        Amount(gap_m),
+        outline(thing.shape),
+        gap_m,
         (entry,),
     )
 
 
-def _outline(thing: SiteObject, entry: Entry) -> Iterator[SiteFinding]:
+def _footprint(thing: SiteObject, entry: Entry) -> Iterator[SiteFinding]:
     """Yield a warning if a surveyed outline is not where the simulator shows the object."""
     if thing.footprint is None:
         return
@@ -203,8 +173,8 @@ def _outline(thing: SiteObject, entry: Entry) -> Iterator[SiteFinding]:
             thing.id,
             f"has its position {point_text(thing.position)} {off_m:.2f} m from the centre of its footprint",
             advice,
-            footprint_of(thing),
-            Amount(off_m),
+            outline(thing.shape),
+            off_m,
             (entry,),
         )
 
@@ -221,8 +191,8 @@ def _overlap(thing: SiteObject, other: SiteObject, entries: tuple[Entry, ...]) -
         advice = f"is {small.id} on {large.id}? Give it elevation_m: {top_m(large):g}"
         if thing.category == other.category and shared.area > 0.9 * large.shape.area:
             advice = "is this the same object twice? Delete one of them"
-    outline = shapely.get_coordinates(shared.convex_hull)[:-1]
-    place = Place(PlaceKind.AREA, tuple((float(x), float(y)) for x, y in outline)) if len(outline) > 2 else points(at)
+    around = shared.convex_hull
+    place = outline(around) if around.geom_type == "Polygon" else points(at)
     yield SiteFinding(
         Severity.ERROR,
         "objects-overlap",
@@ -230,7 +200,7 @@ def _overlap(thing: SiteObject, other: SiteObject, entries: tuple[Entry, ...]) -
         f"overlap by {shared.area * 1e4:.0f} cm² at {point_text(at)}",
         advice,
         place,
-        Amount(depth_m),
+        depth_m,
         entries,
     )
 
@@ -242,10 +212,6 @@ def _above(upper: SiteObject, lower: SiteObject) -> bool:
 def _depth_m(part: BaseGeometry) -> float:
     """Return the short side of the smallest box around an overlap: the move that removes it."""
     return min(_sides_m(part))
-
-
-def _longest_m(part: BaseGeometry) -> float:
-    return max(_sides_m(part))
 
 
 def _sides_m(part: BaseGeometry) -> tuple[float, float]:

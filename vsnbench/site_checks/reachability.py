@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +12,14 @@ from shapely.geometry.base import BaseGeometry
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.site_checks.finding import (
-    Amount,
     Entry,
-    Place,
     Severity,
     SiteFinding,
     area,
     goal_entries,
     join_names,
     number_ranges,
+    outline,
     point_text,
     points,
     stretch,
@@ -42,24 +41,12 @@ _NEIGHBOURS = np.ones((3, 3), np.bool_)
 """Cells that touch at a corner are connected."""
 
 Grid = npt.NDArray[np.int32]
-
-
-@dataclass(frozen=True, slots=True)
-class _Blockage:
-    """What blocks a path."""
-
-    code: str
-    subject: str
-    problem: str
-    advice: str
-    place: Place
-    amount: Amount | None = None
-    entries: tuple[Entry, ...] = ()
+NamedSolid = tuple[BaseGeometry, str, Entry]
 
 
 def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> Iterator[SiteFinding]:
     """Yield an error for each blockage between starts and goals, and a warning for each other narrow door."""
-    lost: dict[_Blockage, dict[str, list[int]]] = {}
+    lost: dict[SiteFinding, dict[str, list[int]]] = {}
     search = _Search(site, space)
     for goal in checked_goals(site):
         starts_of_goal = [start for start in site.starts if (goal, start.number) not in site.excluded]
@@ -73,7 +60,9 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
                 entries=goal_entries(site, [goal]),
             )
         for start in starts_of_goal:
-            if not math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules)) and search.can_stand(start):
+            if math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules)):
+                continue
+            if space.clearance_at_m(*start.position) >= space.robot_radius_m:  # else `start_findings` reports it
                 blockage = search.blockage(start, goal, rules)
                 lost.setdefault(blockage, {}).setdefault(goal, []).append(start.number)
     reported: set[Entry] = set()
@@ -82,15 +71,10 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
         named = {number for numbers in goals.values() for number in numbers}
         index_of = {start.number: index for index, start in enumerate(site.starts)}
         starts = tuple(("starts", index_of[number]) for number in sorted(named))
-        yield SiteFinding(
-            Severity.ERROR,
-            blockage.code,
-            blockage.subject,
-            f"{blockage.problem}: {_unreachable_text(goals, len(site.starts))}",
-            blockage.advice,
-            blockage.place,
-            blockage.amount,
-            (*blockage.entries, *starts, *goal_entries(site, goals)),
+        yield replace(
+            blockage,
+            problem=f"{blockage.problem}: {_unreachable_text(goals, len(site.starts))}",
+            entries=(*blockage.entries, *starts, *goal_entries(site, goals)),
         )
     needed_m = 2 * space.robot_radius_m
     for index, door in enumerate(site.doors):
@@ -102,7 +86,7 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
                 f"is {door.clear_width_m:.2f} m clear, the robot needs {needed_m:.2f}",
                 "measure the clear opening between the jambs again",
                 stretch(door.start, door.end),
-                Amount(needed_m - door.clear_width_m),
+                needed_m - door.clear_width_m,
                 (("doors", index),),
             )
 
@@ -130,19 +114,22 @@ class _Search:
 
     def __init__(self, site: Site, space: FreeSpace) -> None:
         self._site, self._space = site, space
-        self._known: dict[tuple[int, str], _Blockage] = {}
+        self._known: dict[tuple[int, str], SiteFinding] = {}
         self._labels: dict[float, Grid] = {}
         self._goals: dict[str, npt.NDArray[np.bool_]] = {}
 
-    def can_stand(self, start: StartingPosition) -> bool:
-        """Whether the robot fits at the start; `start_findings` reports it if not."""
-        return self._space.clearance_at_m(*start.position) >= self._space.robot_radius_m
-
-    def blockage(self, start: StartingPosition, goal: str, rules: ProtocolParameters) -> _Blockage:
+    def blockage(self, start: StartingPosition, goal: str, rules: ProtocolParameters) -> SiteFinding:
         """Return what blocks the path; starts in one connected part of the free space share the result."""
         home = self._label_near(self._connected(self._space.robot_radius_m), start.position)
         if home == 0:
-            return self._nowhere(start)
+            return SiteFinding(
+                Severity.ERROR,
+                "start-hemmed-in",
+                f"start {start.number}",
+                f"at {point_text(start.position)} leaves the robot no room to move",
+                "move it away from the objects around it",
+                points(start.position),
+            )
         if (home, goal) not in self._known:
             if goal not in self._goals:
                 self._goals[goal] = self._space.success_level_m(goal, rules) <= 0
@@ -168,7 +155,7 @@ class _Search:
         home = self._label_near(labels, start.position)
         return home > 0 and bool((self._goals[goal] & (labels == home)).any())
 
-    def _narrowest(self, start: StartingPosition, goal: str) -> _Blockage | None:
+    def _narrowest(self, start: StartingPosition, goal: str) -> SiteFinding | None:
         """Return the narrowest place of the widest path; None if there is no path at all."""
         low, high = 2e-3, self._space.robot_radius_m
         if not self._reaches(low, start, goal):
@@ -180,7 +167,7 @@ class _Search:
         home, reached = self._label_near(wide, start.position), self._label_near(narrow, start.position)
         return self._between((narrow == reached) & (wide == 0), wide, home, low)
 
-    def _between(self, pinch: npt.NDArray[np.bool_], wide: Grid, home: int, low_m: float) -> _Blockage:
+    def _between(self, pinch: npt.NDArray[np.bool_], wide: Grid, home: int, low_m: float) -> SiteFinding:
         """Return the blockage at the cells that connect the start's part to another part."""
         from scipy import ndimage
 
@@ -199,67 +186,49 @@ class _Search:
         at = (float(self._space.x_m[row, column]), float(self._space.y_m[row, column]))
         return self._at(at)
 
-    def _at(self, at: Point) -> _Blockage:
+    def _at(self, at: Point) -> SiteFinding:
         site, here, needed_m = self._site, shapely.Point(at), 2 * self._space.robot_radius_m
         for index, door in enumerate(site.doors):
             half_m = max((wall.thickness_m / 2 for wall in walls_of(site, door.start, door.end)), default=0.05)
             clear_m = door.clear_width_m
             near = not door.closed and door.centre_line.distance(here) < half_m + _NEAR_M
             if near and clear_m < needed_m + 2 * RESOLUTION_M:
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "door-too-narrow",
                     door_name(door),
                     f"is {clear_m:.2f} m clear, the robot needs {max(needed_m, clear_m + 0.01):.2f}",
                     "measure the clear opening between the jambs again, use a narrower robot (--robot), or exclude "
                     "the goal there with not_for",
                     stretch(door.start, door.end),
-                    Amount(needed_m - clear_m),
+                    needed_m - clear_m,
                     (("doors", index),),
                 )
-        sides = sorted((float(shape.distance(here)), number) for number, (shape, _, _) in enumerate(self._solids()))
-        (first_m, first), (_, second) = sides[0], self._opposite(sides, at)
-        (solid, name, entry), (other, other_name, other_entry) = self._solids()[first], self._solids()[second]
-        gap_m = float(solid.distance(other)) or 2 * first_m
-        return _Blockage(
+        solids = named_solids(site)
+        sides = sorted((float(shape.distance(here)), number) for number, (shape, _, _) in enumerate(solids))
+        nearest_first = [solids[number] for _, number in sides]
+        (solid, name, entry), (other, other_name, other_entry) = nearest_first[0], _opposite(nearest_first, at)
+        gap_m = float(solid.distance(other)) or 2 * sides[0][0]
+        return SiteFinding(
+            Severity.ERROR,
             "passage-too-narrow",
             f"the passage at {point_text(at)} between {name} and {other_name}",
             f"is {gap_m:.2f} m wide, the robot needs {needed_m:.2f}",
             f"move one of them by {max(needed_m - gap_m + 2 * RESOLUTION_M, 0.01):.2f} m, or measure both again",
             stretch(*_ends(shapely.shortest_line(solid, other), at)),
-            Amount(needed_m - gap_m),
+            needed_m - gap_m,
             (entry, other_entry),
         )
 
-    def _opposite(self, sides: list[tuple[float, int]], at: Point) -> tuple[float, int]:
-        """Return the nearest solid on the side of a place that is opposite to the nearest solid."""
-        solids, here = self._solids(), shapely.Point(at)
-
-        def towards(number: int) -> npt.NDArray[np.float64]:
-            _, (x_m, y_m) = shapely.shortest_line(here, solids[number][0]).coords
-            return np.array([x_m - at[0], y_m - at[1]])
-
-        first = towards(sides[0][1])
-        return next((side for side in sides[1:] if float(towards(side[1]) @ first) < 0), sides[1])
-
-    def _solids(self) -> list[tuple[BaseGeometry, str, Entry]]:
-        site = self._site
-        walls: list[tuple[BaseGeometry, str, Entry]] = [
-            (shape, wall_name(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))
-        ]
-        return walls + [
-            (thing.shape, thing.id, ("objects", index))
-            for index, thing in enumerate(site.objects)
-            if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
-        ]
-
-    def _shut_in(self, start: StartingPosition, goal: str) -> _Blockage:
+    def _shut_in(self, start: StartingPosition, goal: str) -> SiteFinding:
         """Return the closed door or object that blocks robots of any size; otherwise the room without a door."""
         labels = self._connected(2e-3)
         home = self._label_near(labels, start.position)
         there = set(np.unique(labels[self._goals[goal]]).tolist()) - {0, home}
         for index, door in enumerate(self._site.doors):
             if door.closed and _joins(self._around(labels, door.centre_line.buffer(_REACH_M)), home, there):
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "door-closed",
                     door_name(door),
                     "is closed",
@@ -269,29 +238,32 @@ class _Search:
                 )
         for index, thing in enumerate(self._site.objects):
             if thing.solid and _joins(self._around(labels, thing.shape.buffer(2 * RESOLUTION_M)), home, there):
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "way-blocked",
                     thing.id,
                     f"at {point_text(thing.position)} blocks the path",
                     f"move it; the robot needs {2 * self._space.robot_radius_m:.2f} m next to it",
-                    area(*((float(x), float(y)) for x, y in shapely.get_coordinates(thing.shape.exterior)[:-1])),
+                    outline(thing.shape),
                     entries=(("objects", index),),
                 )
         return self._no_door(start, goal)
 
-    def _no_door(self, start: StartingPosition, goal: str) -> _Blockage:
+    def _no_door(self, start: StartingPosition, goal: str) -> SiteFinding:
         """Return the room of the start or of the goal that has no door."""
         site = self._site
         rooms = [
             (index, room, [door for door in site.doors if room.shape.distance(door.centre_line) < _NEAR_M])
             for index, room in enumerate(site.rooms)
         ]
-        targets = [target_point(target) for target in targets_of(site, goal)]
-        places = [start.position, *targets]
-        concerned = [room for at in places for room in rooms if room[1].shape.covers(shapely.Point(at))]
+        targets = targets_of(site, goal)
+        target_points = [_target_point(target) for target in targets]
+        places = [shapely.Point(at) for at in (start.position, *target_points)]
+        concerned = [room for place in places for room in rooms if room[1].shape.covers(place)]
         for index, room, doors in concerned:
             if not doors and len(site.rooms) > 1:
-                return _Blockage(
+                return SiteFinding(
+                    Severity.ERROR,
                     "room-without-door",
                     f"room `{room.name}`",
                     "has no door",
@@ -299,22 +271,14 @@ class _Search:
                     area(*room.polygon),
                     entries=(("rooms", index),),
                 )
-        instances = [target.id for target in targets_of(site, goal)]
-        return _Blockage(
+        instances = [target.id for target in targets]
+        return SiteFinding(
+            Severity.ERROR,
             "goal-shut-in",
             instances[0] if len(instances) == 1 else f"every {goal} ({', '.join(instances)})",
             "is enclosed",
             "look for a missing door, or for furniture in the way",
-            points(*targets),
-        )
-
-    def _nowhere(self, start: StartingPosition) -> _Blockage:
-        return _Blockage(
-            "start-hemmed-in",
-            f"start {start.number}",
-            f"at {point_text(start.position)} leaves the robot no room to move",
-            "move it away from the objects around it",
-            points(start.position),
+            points(*target_points),
         )
 
     def _around(self, labels: Grid, shape: BaseGeometry) -> set[int]:
@@ -328,7 +292,31 @@ class _Search:
         return set(np.unique(labels[window][inside]).tolist()) - {0}
 
 
-def target_point(target: Target) -> Point:
+def named_solids(site: Site) -> list[NamedSolid]:
+    """Return the walls and objects that a robot can touch: footprint, name in findings and entry."""
+    walls: list[NamedSolid] = [
+        (shape, wall_name(site, index), ("walls", index)) for index, shape in enumerate(wall_shapes(site))
+    ]
+    return walls + [
+        (thing.shape, thing.id, ("objects", index))
+        for index, thing in enumerate(site.objects)
+        if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
+    ]
+
+
+def _opposite(nearest_first: list[NamedSolid], at: Point) -> NamedSolid:
+    """Return the nearest solid on the side of a place that is opposite to the nearest solid."""
+    here = shapely.Point(at)
+
+    def towards(solid: NamedSolid) -> npt.NDArray[np.float64]:
+        _, (x_m, y_m) = shapely.shortest_line(here, solid[0]).coords
+        return np.array([x_m - at[0], y_m - at[1]])
+
+    first = towards(nearest_first[0])
+    return next((solid for solid in nearest_first[1:] if float(towards(solid) @ first) < 0), nearest_first[1])
+
+
+def _target_point(target: Target) -> Point:
     """Return the position of an object, or the centre of a region."""
     centre = target.shape.centroid
     return target.thing.position if target.thing is not None else (float(centre.x), float(centre.y))

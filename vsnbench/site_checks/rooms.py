@@ -9,14 +9,12 @@ from shapely.geometry.base import BaseGeometry
 
 from vsnbench.site_checks.finding import (
     TOUCHING_M2,
-    Amount,
     Entry,
-    Place,
     Severity,
     SiteFinding,
     area,
+    outline,
     point_text,
-    points,
     range_text,
     stretch,
 )
@@ -53,8 +51,9 @@ def room_findings(site: Site) -> Iterator[SiteFinding]:
                 f"has {room.shape.area:.0f} m²",
                 "lengths are metres: was it surveyed in decimetres or feet?",
                 area(*room.polygon),
-                Amount(room.shape.area, "m2"),
+                room.shape.area,
                 (("rooms", index),),
+                "m2",
             )
 
 
@@ -74,9 +73,10 @@ def _overlaps(site: Site) -> Iterator[SiteFinding]:
                 f"rooms `{room.name}` and `{other.name}`",
                 f"overlap by {shared.area:.2f} m² around {point_text(middle)}",
                 advice,
-                _outline(shared),
-                Amount(float(shared.area), "m2"),
+                outline(max(shapely.get_parts(shared), key=lambda part: float(part.area)).simplify(0.02)),
+                float(shared.area),
                 (("rooms", i), ("rooms", j)),
+                "m2",
             )
 
 
@@ -116,7 +116,7 @@ def _open_edge(site: Site, room: int, edge: tuple[Point, Point], piece: BaseGeom
         problem,
         advice,
         stretch(start, end),
-        Amount(open_m),
+        open_m,
         (("rooms", room), *walls),
     )
 
@@ -151,16 +151,11 @@ def _corner_off_its_wall(
             continue
         if angle_rad(*edge, wall) > _PARALLEL_RAD or wall.centre_line.distance(piece) > _FARTHEST_WALL_M:
             continue
-        line = shapely.LineString([wall.start, wall.end])
-        x, y = _foot(far, wall)
-        if (
-            line.distance(shapely.Point(x, y)) > _FARTHEST_WALL_M
-            or line.distance(shapely.Point(near)) > _FARTHEST_WALL_M
-        ):
+        foot = _foot(far, wall)
+        if any(wall.centre_line.distance(shapely.Point(end)) > _FARTHEST_WALL_M for end in (foot, near)):
             continue
-        return f"move its corner {point_text(far)} to {point_text((x, y))}, in line with {wall_name(site, index)}", (
-            ("walls", index),
-        )
+        advice = f"move its corner {point_text(far)} to {point_text(foot)}, in line with {wall_name(site, index)}"
+        return advice, (("walls", index),)
     return None
 
 
@@ -210,25 +205,15 @@ def _enclosures(site: Site) -> Iterator[SiteFinding]:
                     continue
                 at: Point = tuple(float(value) for value in piece.representative_point().coords[0])  # type: ignore[assignment]
                 # Corners on the walls' faces: centre lines are half a thickness outside, which `_open_edges` allows.
-                corners = [(round(x, 2) + 0.0, round(y, 2) + 0.0) for x, y in _corners(piece)]
-                outline = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
+                corners = [(round(x, 2) + 0.0, round(y, 2) + 0.0) for x, y in outline(piece.simplify(0.02)).points]
+                polygon = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
                 yield SiteFinding(
                     Severity.WARNING,
                     "enclosure-without-room",
                     f"the enclosed area around {point_text(at)}",
                     f"has {piece.area:.1f} m² and is not in a room",
-                    f"add it to rooms with polygon: [{outline}]",
-                    area(*corners) if corners else points(at),
-                    Amount(float(piece.area), "m2"),
+                    f"add it to rooms with polygon: [{polygon}]",
+                    area(*corners),
+                    float(piece.area),
+                    unit="m2",
                 )
-
-
-def _corners(piece: BaseGeometry) -> list[Point]:
-    return [
-        (float(x), float(y)) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(piece.simplify(0.02)))[:-1]
-    ]
-
-
-def _outline(shape: BaseGeometry) -> Place:
-    largest = max(shapely.get_parts(shape), key=lambda part: float(part.area))
-    return area(*_corners(largest))

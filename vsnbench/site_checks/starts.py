@@ -8,21 +8,10 @@ import shapely
 from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.protocol.judge import stop_succeeds
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.site_checks.finding import (
-    Amount,
-    Entry,
-    Severity,
-    SiteFinding,
-    goal_entries,
-    join_names,
-    point_text,
-    points,
-)
+from vsnbench.site_checks.finding import Entry, Severity, SiteFinding, goal_entries, join_names, point_text, points
 from vsnbench.site_checks.objects import suggest_position
-from vsnbench.site_checks.reachability import checked_goals, reachability_findings
-from vsnbench.site_checks.walls import wall_name
+from vsnbench.site_checks.reachability import checked_goals, named_solids, reachability_findings
 from vsnbench.sites.categories import GOAL_CATEGORIES
-from vsnbench.sites.geometry.walls import TOUCH_HEIGHT_M, wall_shapes
 from vsnbench.sites.site import Site
 
 STARTING_POSITIONS = 15
@@ -38,7 +27,8 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
             f"site {site.name}",
             f"has {len(site.starts)} starting position{'' if len(site.starts) == 1 else 's'}",
             f"the protocol requires {STARTING_POSITIONS}: survey {STARTING_POSITIONS - len(site.starts)} more",
-            amount=Amount(STARTING_POSITIONS - len(site.starts), "starts"),
+            amount=STARTING_POSITIONS - len(site.starts),
+            unit="starts",
         )
     for index in range(len(site.starts)):
         yield from _placement(site, index, space.robot_radius_m)
@@ -61,11 +51,10 @@ def start_findings(site: Site, space: FreeSpace, rules: ProtocolParameters) -> I
 def _placement(site: Site, index: int, radius_m: float) -> Iterator[SiteFinding]:
     start = site.starts[index]
     here, name, at = shapely.Point(start.position), f"start {start.number}", point_text(start.position)
-    entry: tuple[Entry, ...] = (("starts", index),)
 
     def found(code: str, problem: str, advice: str, amount_m: float, *more: Entry) -> SiteFinding:
-        where, amount = points(start.position), Amount(amount_m)
-        return SiteFinding(Severity.ERROR, code, name, problem, advice, where, amount, (*entry, *more))
+        entries = (("starts", index), *more)
+        return SiteFinding(Severity.ERROR, code, name, problem, advice, points(start.position), amount_m, entries)
 
     if not any(room.shape.covers(here) for room in site.rooms):
         rooms = shapely.union_all([room.shape for room in site.rooms])
@@ -73,16 +62,9 @@ def _placement(site: Site, index: int, radius_m: float) -> Iterator[SiteFinding]
         problem = f"at {at} is outside every room, {off_m:.2f} m from the nearest"
         yield found("start-outside", problem, suggest_position(start.position, rooms), off_m)
         return
-    near = [
-        (float(thing.shape.distance(here)), thing.id, ("objects", number))
-        for number, thing in enumerate(site.objects)
-        if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M
-    ]
-    near += [
-        (float(shape.distance(here)), wall_name(site, number), ("walls", number))
-        for number, shape in enumerate(wall_shapes(site))
-    ]
-    distance_m, nearest, other = min(near)
+    distance_m, nearest, other = min(
+        (float(shape.distance(here)), solid, entry) for shape, solid, entry in named_solids(site)
+    )
     if distance_m <= 0:
         yield found("start-inside", f"at {at} is inside {nearest}", "move it", radius_m, other)
     elif distance_m < radius_m:

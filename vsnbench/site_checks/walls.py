@@ -6,15 +6,7 @@ from collections.abc import Iterator
 
 import shapely
 
-from vsnbench.site_checks.finding import (
-    Amount,
-    Entry,
-    Severity,
-    SiteFinding,
-    points,
-    range_text,
-    stretch,
-)
+from vsnbench.site_checks.finding import Entry, Severity, SiteFinding, points, range_text, stretch
 from vsnbench.sites.fields import Point
 from vsnbench.sites.geometry.walls import walls_of
 from vsnbench.sites.site import Door, Site, Wall, Window
@@ -29,10 +21,8 @@ _FEET_M = 0.3048
 def wall_findings(site: Site) -> Iterator[SiteFinding]:
     """Yield findings about walls, doors and windows."""
     yield from _walls(site)
-    for index, door in enumerate(site.doors):
-        yield from _opening(site, door, door_name(door), door.height_m, ("doors", index))
-    for index, window in enumerate(site.windows):
-        yield from _opening(site, window, f"window {index + 1}", window.head_m, ("windows", index))
+    for name, opening, entry in _openings(site):
+        yield from _opening(site, opening, name, entry)
     yield from _openings_in_one_place(site)
     yield from _doors_to_nowhere(site)
     yield from _ceiling(site)
@@ -60,7 +50,7 @@ def _walls(site: Site) -> Iterator[SiteFinding]:
                 f"overlap along {length_m:.2f} m",
                 "delete one of them" if length_m > 0.95 * min(wall.length_m, other.length_m) else "shorten one of them",
                 stretch(other.start, other.end),
-                Amount(length_m),
+                length_m,
                 (("walls", i), ("walls", j)),
             )
     for index, wall in enumerate(site.walls):
@@ -73,7 +63,7 @@ def _walls(site: Site) -> Iterator[SiteFinding]:
                 f"is {wall.height_m:g} m high, {over_m:.2f} m above the ceiling",
                 "omit height_m for a wall up to the ceiling",
                 stretch(wall.start, wall.end),
-                Amount(over_m),
+                over_m,
                 (("walls", index),),
             )
 
@@ -94,7 +84,15 @@ def angle_rad(start: Point, end: Point, wall: Wall) -> float:
     return math.asin(min(1.0, abs(across) / (math.dist(start, end) * wall.length_m)))
 
 
-def _opening(site: Site, opening: Door | Window, name: str, top_m: float, entry: Entry) -> Iterator[SiteFinding]:
+def _openings(site: Site) -> list[tuple[str, Door | Window, Entry]]:
+    """Return doors and windows with their names and entries."""
+    doors: list[tuple[str, Door | Window, Entry]] = [
+        (door_name(door), door, ("doors", index)) for index, door in enumerate(site.doors)
+    ]
+    return doors + [(f"window {index + 1}", window, ("windows", index)) for index, window in enumerate(site.windows)]
+
+
+def _opening(site: Site, opening: Door | Window, name: str, entry: Entry) -> Iterator[SiteFinding]:
     ends = (opening.start, opening.end)
     walls = walls_of(site, *ends)
     if not walls:
@@ -106,13 +104,13 @@ def _opening(site: Site, opening: Door | Window, name: str, top_m: float, entry:
             f"({range_text(*ends)}) is not on a wall",
             advice,
             stretch(*ends),
-            Amount(off_m),
+            off_m,
             (entry,),
         )
         return
     height_m = min(site.ceiling_height_m if wall.height_m is None else wall.height_m for wall in walls)
+    field, top_m = ("height_m", opening.height_m) if isinstance(opening, Door) else ("head_m", opening.head_m)
     if top_m > height_m + 1e-6:
-        field = "height_m" if isinstance(opening, Door) else "head_m"
         yield SiteFinding(
             Severity.ERROR,
             "opening-above-wall",
@@ -120,7 +118,7 @@ def _opening(site: Site, opening: Door | Window, name: str, top_m: float, entry:
             f"({range_text(*ends)}) reaches {top_m - height_m:.2f} m above its wall, which is {height_m:g} m high",
             f"measure both again; its {field} can be at most {height_m:g}",
             stretch(*ends),
-            Amount(top_m - height_m),
+            top_m - height_m,
             (entry,),
         )
 
@@ -143,11 +141,7 @@ def _nearest_wall(site: Site, opening: Door | Window) -> tuple[float, str]:
 
 
 def _openings_in_one_place(site: Site) -> Iterator[SiteFinding]:
-    openings: list[tuple[str, Door | Window, Entry]] = [
-        (door_name(door), door, ("doors", index)) for index, door in enumerate(site.doors)
-    ]
-    openings += [(f"window {index + 1}", window, ("windows", index)) for index, window in enumerate(site.windows)]
-    for (name, opening, entry), (other_name, other, other_entry) in itertools.combinations(openings, 2):
+    for (name, opening, entry), (other_name, other, other_entry) in itertools.combinations(_openings(site), 2):
         shared = opening.centre_line.buffer(0.01).intersection(other.centre_line)
         if shared.length > _RUN_TOGETHER_M:
             (x0, y0), *_, (x1, y1) = shared.coords
@@ -158,7 +152,7 @@ def _openings_in_one_place(site: Site) -> Iterator[SiteFinding]:
                 f"overlap along {shared.length:.2f} m, {range_text((x0, y0), (x1, y1))}",
                 "measure the clear openings again, or delete one of them",
                 stretch((x0, y0), (x1, y1)),
-                Amount(float(shared.length)),
+                float(shared.length),
                 (entry, other_entry),
             )
 
@@ -205,6 +199,6 @@ def _ceiling(site: Site) -> Iterator[SiteFinding]:
                 f"({range_text(door.start, door.end)}) is {door.clear_width_m:.2f} m wide",
                 "measure the clear opening between the jambs again",
                 points(door.start, door.end),
-                Amount(door.clear_width_m),
+                door.clear_width_m,
                 (("doors", index),),
             )

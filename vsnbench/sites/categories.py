@@ -1,7 +1,6 @@
 """Object categories: the seven goal categories of the paper, and furniture."""
 
 import re
-from collections.abc import Collection
 from difflib import get_close_matches
 
 GOAL_CATEGORIES: tuple[str, ...] = ("chair", "sofa", "table", "bed", "toilet", "monitor", "plant")
@@ -44,8 +43,12 @@ ALIASES: dict[str, str] = {
 
 def canonical_category(word: str) -> str:
     """Return the category that a word names: `potted plant` is `plant`, `Sports Ball` is `sports_ball`."""
-    slug = "_".join(word.strip().lower().replace("-", " ").replace("_", " ").split())
+    slug = _slug(word)
     return ALIASES.get(slug, slug)
+
+
+def _slug(word: str) -> str:
+    return "_".join(word.lower().replace("-", " ").replace("_", " ").split())
 
 
 _SYNONYMS = {
@@ -80,22 +83,20 @@ _SYNONYMS = {
 
 def near_category(word: str) -> str:
     """Return the built-in category that an unknown category is probably meant to be, or an empty string."""
-    plain = word.strip().lower().replace(" ", "_").replace("-", "_")
-    other = _SYNONYMS.get(plain, "")
-    near = get_close_matches(plain, sorted(CATEGORIES), n=1, cutoff=0.75)
-    return other or (near[0] if near else "")
+    slug = _slug(word)
+    near = get_close_matches(slug, sorted(CATEGORIES), n=1, cutoff=0.75)
+    return _SYNONYMS.get(slug, "") or (near[0] if near else "")
 
 
-def suggest_category(name: str, known: Collection[str] = CATEGORIES) -> str:
+def suggest_category(name: str) -> str:
     """Return advice for an unknown category: the likely one, or all categories."""
-    plain = name.strip().lower().replace(" ", "_").replace("-", "_")
-    other = plain if plain in known else _SYNONYMS.get(plain)
-    if other in known:
+    slug = _slug(name)
+    if other := slug if slug in CATEGORIES else _SYNONYMS.get(slug):
         return f"write {other}"
-    general = plain.rpartition("_")[2]  # the chair of an office chair
-    if general in known:
+    general = slug.rpartition("_")[2]  # the chair of an office chair
+    if general in CATEGORIES:
         return f"write {general}, and use the field model for the variant"
-    near = get_close_matches(name, sorted(known), n=1, cutoff=0.75)
-    if not near and plain != name and CATEGORY_WORD.fullmatch(plain):
-        return f"write {plain}"
-    return f"did you mean {near[0]}?" if near else f"known categories: {', '.join(sorted(known))}"
+    near = get_close_matches(name, sorted(CATEGORIES), n=1, cutoff=0.75)
+    if not near and slug != name and CATEGORY_WORD.fullmatch(slug):
+        return f"write {slug}"
+    return f"did you mean {near[0]}?" if near else f"known categories: {', '.join(sorted(CATEGORIES))}"

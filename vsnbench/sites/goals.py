@@ -87,10 +87,6 @@ def load_goal_image(directory: Path, name: str) -> GoalImage:
     Raises:
         ValueError: the file is outside the directory, cannot be read, or is not such an image.
     """
-    return goal_image(name, _file_content(directory, name))
-
-
-def _file_content(directory: Path, name: str) -> bytes:
     root = directory.resolve()
     try:
         path = (root / name).resolve()
@@ -99,9 +95,10 @@ def _file_content(directory: Path, name: str) -> bytes:
         if not path.is_file():
             raise ValueError(f"{name} does not exist, or is not a file")
         with path.open("rb") as file:
-            return file.read(MAX_IMAGE_BYTES + 1)
+            data = file.read(MAX_IMAGE_BYTES + 1)
     except OSError as problem:
         raise ValueError(f"cannot read {name}: {problem.strerror or problem}") from problem
+    return goal_image(name, data)
 
 
 class GoalTarget(StrictModel):

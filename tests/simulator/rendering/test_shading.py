@@ -5,7 +5,7 @@ import numpy.typing as npt
 import pytest
 
 from tests.simulator.rendering.test_renderer import CAMERA, furnished
-from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer, _seed_of, eye_of
+from vsnbench.simulator.rendering.renderer import DepthDrawer, Eye, Frame, Pinhole, Renderer, _seed_of, eye_of
 from vsnbench.simulator.rendering.shading import GRAIN, STRETCH, TONES, VIGNETTE, grain_start, soften
 from vsnbench.simulator.rendering.textures import FULL, LEVELS, SIZE, SKY
 from vsnbench.simulator.scene import build_scene
@@ -16,7 +16,8 @@ from vsnbench.values.pose import Pose
 def test_surface_pixels_equal_scalar_arithmetic(pose: Pose) -> None:
     renderer = Renderer(build_scene(furnished()))
     frame, eye = renderer.render(CAMERA, pose), eye_of(CAMERA, pose)
-    faces = renderer._buffers[CAMERA.height, CAMERA.width][1].copy()
+    pinhole = Pinhole(CAMERA.width, CAMERA.height, CAMERA.focal_px, *CAMERA.center_px)
+    faces = DepthDrawer(renderer._mesh).draw(eye, pinhole).face
     rgb, shaded = shade_alone(renderer, eye, frame, faces)
     assert np.count_nonzero(shaded) > 0.9 * shaded.size
     inner = shaded.copy()

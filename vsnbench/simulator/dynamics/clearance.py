@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.runtime.numba_cache import compiled
-from vsnbench.simulator.primitives import Primitive, Quaternion
+from vsnbench.simulator.furniture.canvas import rotation_matrix
+from vsnbench.simulator.primitives import Primitive
 
 
 class Clearance:
@@ -41,7 +42,7 @@ def _nearest_m(x_m: float, y_m: float, centres: Any, axes: Any, half_sizes: Any)
 
 
 def _in_band(solid: Primitive, low_m: float, high_m: float) -> bool:
-    reach = float(np.abs(_rotation(solid.rotation)[2]) @ np.array(solid.half_size))
+    reach = float(np.abs(rotation_matrix(solid.rotation)[2]) @ np.array(solid.half_size))
     return solid.centre[2] + reach > low_m and solid.centre[2] - reach < high_m
 
 
@@ -49,21 +50,9 @@ def _footprint(
     solid: Primitive,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return centre, direction of the first side and half sizes of a rectangle around a solid's footprint."""
-    axes = _rotation(solid.rotation)[:2]
+    axes = np.array(rotation_matrix(solid.rotation)[:2])
     side = axes[:, np.argmax(np.hypot(*axes))]
     side = side / np.hypot(*side)
     across = np.array([-side[1], side[0]])
     half = np.array([np.abs(side @ axes) @ solid.half_size, np.abs(across @ axes) @ solid.half_size])
     return np.array(solid.centre[:2]), side, half
-
-
-def _rotation(quaternion: Quaternion) -> npt.NDArray[np.float64]:
-    """Return the matrix whose columns are the rotated axes."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -18,9 +18,9 @@ class OdometryNoise(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    way_scale_std: float = Field(default=0.01, ge=0, le=0.5, description="relative error of every way")
+    way_scale_std: float = Field(default=0.01, ge=0, le=0.5, description="relative error of every distance")
     turn_scale_std: float = Field(default=0.01, ge=0, le=0.5, description="relative error of every turn")
-    wander_rad_per_sqrt_m: float = Field(default=0.01, ge=0, le=1, description="heading's random walk along the way")
+    wander_rad_per_sqrt_m: float = Field(default=0.01, ge=0, le=1, description="random walk of the heading")
 
 
 class DepthNoise(BaseModel):
@@ -28,11 +28,11 @@ class DepthNoise(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    near_std_m: float = Field(default=0.0015, ge=0, le=0.5, description="standard deviation at no distance")
+    near_std_m: float = Field(default=0.0015, ge=0, le=0.5, description="standard deviation at zero distance")
     square_std_per_m: float = Field(default=0.0020, ge=0, le=0.5, description="added per square metre of distance")
     edge_jump_share: float = Field(default=0.06, gt=0, le=1, description="a larger relative jump is an edge")
     edge_loss: float = Field(default=0.6, ge=0, le=1, description="share of the pixels at edges that are lost")
-    dark_luminance: float = Field(default=0.12, ge=0, le=1, description="darker surfaces give no light back")
+    dark_luminance: float = Field(default=0.12, ge=0, le=1, description="darker surfaces reflect too little light")
     dark_loss: float = Field(default=0.5, ge=0, le=1, description="share of the pixels on dark surfaces that are lost")
     shiny_loss: float = Field(default=0.6, ge=0, le=1, description="share lost on a surface like a mirror")
 

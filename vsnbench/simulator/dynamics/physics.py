@@ -116,16 +116,8 @@ class Physics:
         self._world, self._free_m = self._furnished, 0.0
         data = self._world.data
         self._mujoco.mj_resetData(self._world.model, data)
-        half_rad = pose.heading_rad / 2
-        data.qpos[:7] = [
-            pose.x_m,
-            pose.y_m,
-            self._resting_height_m,
-            math.cos(half_rad),
-            0.0,
-            0.0,
-            math.sin(half_rad),
-        ]
+        quaternion = (math.cos(pose.heading_rad / 2), 0.0, 0.0, math.sin(pose.heading_rad / 2))
+        data.qpos[:7] = (*pose.position, self._resting_height_m, *quaternion)
         self._mujoco.mj_forward(self._world.model, data)
 
     def drive(self, command: Command) -> Touch | None:

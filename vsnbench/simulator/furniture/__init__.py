@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 from vsnbench.errors import SiteError
 from vsnbench.simulator.furniture import bathroom, beds, decoration, kitchen, seating, storage, tables
-from vsnbench.simulator.furniture.canvas import Canvas, Part, rgb
+from vsnbench.simulator.furniture.canvas import Canvas, rgb
+from vsnbench.simulator.primitives import Primitive
 from vsnbench.sites.site import SiteObject
 
 Model = Callable[[Canvas], None]
@@ -73,7 +74,7 @@ def is_extruded(thing: SiteObject) -> bool:
     return thing.footprint is not None and (thing.model == EXTRUDED or default)
 
 
-def furnish(thing: SiteObject) -> list[Part]:
+def furnish(thing: SiteObject) -> list[Primitive]:
     """Return the parts of an object, in its own frame.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.random import Generator
 
-from vsnbench.simulator.primitives import Material, Quaternion, Shape, Vector
+from vsnbench.simulator.primitives import Material, Primitive, Quaternion, Shape, Vector
 
 Span = tuple[float, float]
 _Item = TypeVar("_Item")
@@ -68,23 +68,9 @@ def extents(shape: Shape, half_size: Vector, rotation: Quaternion) -> Vector:
     return (reach[0], reach[1], reach[2])
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """One shape of a piece of furniture in the object's frame: x to its front, y to its left, z up from its base."""
-
-    shape: Shape
-    centre: Vector
-    half_size: Vector
-    material: Material
-    rotation: Quaternion = UPRIGHT
-    taper: float = 1.0
-    bevel_m: float = 0.0
-    solid: bool = True
-
-
 @dataclass(slots=True)
 class Canvas:
-    """Box of one object, and its parts.
+    """Box of one object, and its parts in its own frame: x to its front, y to its left, z up from its base.
 
     Every part is clipped to the box, so that no part is outside the object's footprint.
     """
@@ -95,7 +81,7 @@ class Canvas:
     color: Vector | None = None
     seed: int = 0
     """Selects among the variants of a model."""
-    parts: list[Part] = field(default_factory=list)
+    parts: list[Primitive] = field(default_factory=list)
 
     @property
     def random(self) -> Generator:
@@ -139,7 +125,7 @@ class Canvas:
                 return
             edges.append((start, end))
         self.parts.append(
-            Part(
+            Primitive(
                 Shape.BOX,
                 _vector((start + end) / 2 for start, end in edges),
                 _vector((end - start) / 2 for start, end in edges),
@@ -201,7 +187,8 @@ class Canvas:
             for value, axis, free, need in zip(centre, middle, room, reach, strict=True)
         )
         bevel_m = min(bevel_m, 0.8 * min(half)) if shape is Shape.BOX else 0.0
-        self.parts.append(Part(shape, clipped, half, material, rotation, taper, bevel_m, solid))
+        part = Primitive(shape, clipped, half, material, rotation, solid=solid, taper=taper, bevel_m=bevel_m)
+        self.parts.append(part)
 
     def legs(self, inset: float, thickness: float, top: float, material: Material, round_: bool = False) -> None:
         """Add four legs from the floor to `top`, `inset` from the edges."""

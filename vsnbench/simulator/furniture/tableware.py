@@ -6,8 +6,8 @@ import zlib
 import numpy as np
 from numpy.random import Generator
 
-from vsnbench.simulator.furniture.canvas import Canvas, Part, pick, recolored, rgb, turn
-from vsnbench.simulator.primitives import Material, Shape
+from vsnbench.simulator.furniture.canvas import Canvas, pick, recolored, rgb, turn
+from vsnbench.simulator.primitives import Material, Primitive, Shape
 from vsnbench.sites.site import SiteObject
 
 _HIGHEST_M = 0.45
@@ -18,7 +18,7 @@ _MUGS = ("#2f5d8a", "#b23b32", "#e8e3d8", "#3c6e57", "#d0a13c")
 _COVERS = ("#7f2f2c", "#2d4f6e", "#c9a24b", "#3f6b4a", "#d9d2c0", "#b5603a")
 
 
-def things_on(table: SiteObject) -> list[list[Part]]:
+def things_on(table: SiteObject) -> list[list[Primitive]]:
     """Return groups of parts on a table's top, in the table's frame, with z from its top."""
     if table.category != "table" or table.footprint is not None or table.model in ("box", "cylinder"):
         return []
@@ -41,7 +41,7 @@ class _Top:
 
     def __init__(self, canvas: Canvas, random: Generator) -> None:
         self._canvas, self._random = canvas, random
-        self.groups: list[list[Part]] = []
+        self.groups: list[list[Primitive]] = []
 
     def dining_table(self) -> None:
         """Place settings along both long sides, and food and drink in the middle."""

@@ -1,7 +1,5 @@
 """Furniture for each room of a generated site; goal categories are required, other pieces optional."""
 
-from collections.abc import Callable
-
 from numpy.random import Generator
 
 from vsnbench.simulator.generated_sites import arrangements as sets
@@ -17,13 +15,12 @@ def furnish_rooms(placer: Placer) -> bool:
     living = by_kind[RoomKind.LIVING]
     kitchen = by_kind.get(RoomKind.KITCHEN, living)
     study = by_kind.get(RoomKind.STUDY)
-    must: list[Callable[[], bool]] = [
-        lambda: _bathroom(placer, by_kind[RoomKind.BATHROOM]),
-        lambda: _bedroom(placer, by_kind[RoomKind.BEDROOM]),
-        lambda: _kitchen(placer, kitchen),
-        lambda: _living(placer, living),
-    ]
-    if not all(step() for step in must):
+    if not (
+        _bathroom(placer, by_kind[RoomKind.BATHROOM])
+        and _bedroom(placer, by_kind[RoomKind.BEDROOM])
+        and _kitchen(placer, kitchen)
+        and _living(placer, living)
+    ):
         return False
     if RoomKind.SECOND_BEDROOM in by_kind and not _second_bedroom(placer, by_kind[RoomKind.SECOND_BEDROOM]):
         return False

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
@@ -61,23 +60,16 @@ SEEDS: Final = MappingProxyType(
 """Seeds for training, validation and test; other seeds are in no split."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
     """Points of the floor plan, much coarser than in the final check; all arrays are (rows, columns)."""
 
-    x_m: FloatGrid
-    y_m: FloatGrid
-    clearance_m: FloatGrid
-    """Distance to the nearest solid; 0 outside every room."""
-
-    @classmethod
-    def over(cls, site: Site) -> "_Grid":
+    def __init__(self, site: Site) -> None:
         rooms = shapely.union_all([room.shape for room in site.rooms])
         x0, y0, x1, y1 = rooms.bounds
-        x_m, y_m = np.meshgrid(np.arange(x0, x1, _GRID_M), np.arange(y0, y1, _GRID_M))
-        grid = cls(x_m, y_m, np.zeros_like(x_m))
-        inside = shapely.contains_xy(rooms, x_m, y_m)
-        return replace(grid, clearance_m=np.where(inside, grid.distance_m(solid_shapes(site)), 0.0))
+        self.x_m, self.y_m = np.meshgrid(np.arange(x0, x1, _GRID_M), np.arange(y0, y1, _GRID_M))
+        inside = shapely.contains_xy(rooms, self.x_m, self.y_m)
+        self.clearance_m: FloatGrid = np.where(inside, self.distance_m(solid_shapes(site)), 0.0)
+        """Distance to the nearest solid; 0 outside every room."""
 
     def distance_m(self, shapes: Sequence[BaseGeometry]) -> FloatGrid:
         """Return (rows, columns) distances to the nearest of the shapes."""
@@ -137,7 +129,7 @@ def _room(room: PlannedRoom, rng: Generator) -> Room:
 
 def _starts(site: Site, rooms: tuple[PlannedRoom, ...], rng: Generator) -> list[StartingPosition] | None:
     """Return 15 to 18 poses in all rooms, far from each other and out of reach of all goals; None if impossible."""
-    grid = _Grid.over(site)
+    grid = _Grid(site)
     region = _largest_region(grid.clearance_m >= ROBOT_RADIUS_M + _SPARE_M)
     if region is None or region.sum() < 0.8 * (grid.clearance_m >= ROBOT_RADIUS_M).sum():
         return None

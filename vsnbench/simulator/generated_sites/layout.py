@@ -122,7 +122,7 @@ def _with_hub(outline: BaseGeometry, rooms: list[PlannedRoom]) -> list[PlannedRo
 
 
 def _turned(shapes: list[Polygon], quarter_turns: int, mirrored: bool) -> list[Polygon]:
-    """Rotate and mirror the plan at random; its lower left corner becomes the origin."""
+    """Return rotated and mirrored outlines; their common lower left corner becomes the origin."""
     if mirrored:
         shapes = [affinity.scale(shape, -1, 1, origin=(0, 0)) for shape in shapes]
     shapes = [affinity.rotate(shape, 90 * quarter_turns, origin=(0, 0)) for shape in shapes]

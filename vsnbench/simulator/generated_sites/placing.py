@@ -3,15 +3,16 @@
 import itertools
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import shapely
 from numpy.random import Generator
 from shapely import affinity
-from shapely.geometry import LineString, Polygon, box
+from shapely.geometry import Polygon, box
 
 from vsnbench.simulator.generated_sites.layout import PlannedRoom
 from vsnbench.simulator.generated_sites.shell import Shell
+from vsnbench.sites.geometry.walls import TOUCH_HEIGHT_M, top_m
 from vsnbench.sites.site import SiteObject
 from vsnbench.values.pose import Pose
 
@@ -114,7 +115,7 @@ class Placer:
             place = Pose(corner[0] + reach * (u[0] + v[0]), corner[1] + reach * (u[1] + v[1]))
             if self._stand(place, Arrangement((piece,)), floor):
                 return True
-        return self.against_wall(room, Arrangement((_moved(piece, piece.size_m[0] / 2 + 0.03),)))
+        return self.against_wall(room, Arrangement((replace(piece, x_m=piece.size_m[0] / 2 + 0.03),)))
 
     def free_standing(self, room: PlannedRoom, arrangement: Arrangement) -> bool:
         """Place an arrangement anywhere in a room, parallel to its walls."""
@@ -129,7 +130,9 @@ class Placer:
 
     def on_wall(self, room: PlannedRoom, piece: Piece) -> bool:
         """Hang a piece on a wall without tall objects."""
-        return self.against_wall(room, Arrangement((_moved(piece, piece.size_m[0] / 2 - 0.01),)), tries=12, corner=0.0)
+        return self.against_wall(
+            room, Arrangement((replace(piece, x_m=piece.size_m[0] / 2 - 0.01),)), tries=12, corner=0.0
+        )
 
     def _stand(self, place: Pose, arrangement: Arrangement, floor: Polygon) -> bool:
         things = [self._thing(place, piece) for piece in arrangement.pieces]
@@ -160,15 +163,14 @@ class Placer:
     def _fits(self, thing: SiteObject, floor: Polygon) -> bool:
         if not floor.buffer(1e-3).covers(thing.shape):
             return False
-        top_m = thing.elevation_m + thing.size_m[2]
         for window in self.shell.windows:
-            pane = LineString([window.start, window.end])
-            if top_m > window.sill_m + 0.1 and thing.elevation_m < window.head_m and thing.shape.distance(pane) < 0.3:
+            covers = top_m(thing) > window.sill_m + 0.1 and thing.elevation_m < window.head_m
+            if covers and thing.shape.distance(window.centre_line) < 0.3:
                 return False
-        if thing.elevation_m > 1.2:  # an object at this height blocks no path
+        if thing.elevation_m > TOUCH_HEIGHT_M:
             if any(thing.shape.distance(door.centre_line) < _BESIDE_DOOR_M for door in self.shell.doors):
                 return False
-            return not any(other.shape.intersects(thing.shape) for other in self.objects if _top_m(other) > 1.1)
+            return not any(other.shape.intersects(thing.shape) for other in self.objects if top_m(other) > 1.1)
         if not thing.solid:
             return not any(other.shape.intersects(thing.shape) for other in self.objects if not other.solid)
         if any(kept.intersection(thing.shape).area > 1e-3 for kept in self._kept_free):
@@ -176,30 +178,12 @@ class Placer:
         return not any(
             other.shape.distance(thing.shape) < _APART_M
             for other in self.objects
-            if other.solid and (other.elevation_m < 1.2 or top_m > other.elevation_m)
+            if other.solid and (other.elevation_m < TOUCH_HEIGHT_M or top_m(thing) > other.elevation_m)
         )
 
     def _leaves_free(self, strips: list[Polygon]) -> bool:
-        solid = [thing.shape for thing in self.objects if thing.solid and thing.elevation_m < 1.2]
+        solid = [thing.shape for thing in self.objects if thing.solid and thing.elevation_m < TOUCH_HEIGHT_M]
         return not any(strip.intersection(shape).area > 1e-3 for strip in strips for shape in solid)
-
-
-def _top_m(thing: SiteObject) -> float:
-    return thing.elevation_m + thing.size_m[2]
-
-
-def _moved(piece: Piece, x_m: float) -> Piece:
-    return Piece(
-        piece.category,
-        piece.size_m,
-        x_m,
-        piece.y_m,
-        piece.turn_deg,
-        piece.model,
-        piece.color,
-        piece.elevation_m,
-        piece.solid,
-    )
 
 
 def _on_wall(start: tuple[float, ...], end: tuple[float, ...], way: float) -> Pose:

@@ -14,6 +14,7 @@ from shapely.geometry import Point
 
 from vsnbench.simulator.rendering.renderer import Eye, Frame, Renderer
 from vsnbench.simulator.scene import build_scene
+from vsnbench.sites.geometry.walls import top_m
 from vsnbench.sites.site import Room, Site, SiteObject
 
 Image = npt.NDArray[np.uint8]
@@ -71,7 +72,7 @@ def _picture(renderer: Renderer, view: _View, width: int, height: int) -> Image:
     """Render at double size, average, and add frame and caption."""
     import cv2
 
-    fine = _render(renderer, view, 2 * width, 2 * height).rgb
+    fine = _render(renderer, view.eye, view.fov_deg, 2 * width, 2 * height).rgb
     image = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
     strip = np.full((22, width, 3), 255, np.uint8)
     cv2.putText(strip, view.caption, (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (40, 40, 40), 1, cv2.LINE_AA)
@@ -80,9 +81,8 @@ def _picture(renderer: Renderer, view: _View, width: int, height: int) -> Image:
     return np.asarray(cell, np.uint8)
 
 
-def _render(renderer: Renderer, view: _View, width: int, height: int) -> Frame:
-    focal = width / 2 / math.tan(math.radians(view.fov_deg) / 2)
-    return renderer.render_from(view.eye, width, height, focal)
+def _render(renderer: Renderer, eye: Eye, fov_deg: float, width: int, height: int) -> Frame:
+    return renderer.render_from(eye, width, height, width / 2 / math.tan(math.radians(fov_deg) / 2))
 
 
 def _is_free(site: Site, x: float, y: float, z: float, margin_m: float = 0.2) -> bool:
@@ -94,7 +94,7 @@ def _is_free(site: Site, x: float, y: float, z: float, margin_m: float = 0.2) ->
     return not any(
         thing.shape.distance(here) < margin_m
         for thing in site.objects
-        if thing.elevation_m < z + margin_m and thing.elevation_m + thing.size_m[2] > z - margin_m
+        if thing.elevation_m < z + margin_m and top_m(thing) > z - margin_m
     )
 
 
@@ -103,7 +103,7 @@ def _room_views(site: Site, renderer: Renderer, room: Room) -> list[_View]:
     wanted = max(1, round(room.shape.area / _AREA_PER_VIEW_M2))
     tried = []
     for eye in _corners(site, room):
-        ids = _render(renderer, _View(eye, _ROOM_FOV_DEG, ""), *_TRIAL)
+        ids = _render(renderer, eye, _ROOM_FOV_DEG, *_TRIAL)
         near = ids.instance[np.isfinite(ids.depth_m) & (ids.depth_m > 0.8)]
         instances, counts = np.unique(near, return_counts=True)
         inside = [
@@ -146,7 +146,7 @@ def _close_up(site: Site, renderer: Renderer, index: int) -> _View:
     caption = thing.category if thing.model in (None, thing.category) else f"{thing.category}: {thing.model}"
     best, best_score = Eye(*thing.position, 1.2, 0.0), -math.inf
     for eye in _around(site, thing):
-        instance = _render(renderer, _View(eye, _CLOSE_FOV_DEG, ""), *_TRIAL).instance
+        instance = _render(renderer, eye, _CLOSE_FOV_DEG, *_TRIAL).instance
         own = instance == index + 1
         cut = int(own[0].sum() + own[-1].sum() + own[:, 0].sum() + own[:, -1].sum())
         aside = abs(math.remainder(eye.heading_rad + math.pi - math.radians(thing.heading_deg), math.tau))

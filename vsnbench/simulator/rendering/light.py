@@ -60,7 +60,7 @@ def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
 
     visible = [primitive for primitive in scene.primitives if primitive.visible]
     size = _grid_sizes(mesh, visible)
-    cells = size[:, 0].astype(np.int64) * size[:, 1]
+    cells = size.prod(axis=1)
     start = np.cumsum(cells) - cells
     spans = np.maximum(mesh.extent[:, 1::2] - mesh.extent[:, ::2], 1e-9)
     scale = (size - 1) / spans
@@ -73,7 +73,7 @@ def light_of(scene: Scene, mesh: Mesh) -> LightMaps:
         key,
         np.float32,
         (int(cells.sum()), 4),
-        lambda: _baked(scene, mesh, visible, (size, start, cells, place)),
+        lambda: _baked(scene, mesh, visible, size, start, place),
     )
     return LightMaps(start, size, place, values)
 
@@ -82,17 +82,17 @@ def _baked(
     scene: Scene,
     mesh: Mesh,
     visible: list[Primitive],
-    maps: tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64], Floats],
+    size: npt.NDArray[np.int32],
+    start: npt.NDArray[np.int64],
+    place: Floats,
 ) -> npt.NDArray[np.float32]:
-    """Compute the light of all cells, (N, 4). `maps` has size, start, number of cells and place of the faces' maps."""
+    """Compute the light of all cells, (N, 4). For `size`, `start` and `place`, see `LightMaps`."""
     from vsnbench.simulator.rendering import light_bounces
     from vsnbench.simulator.rendering.light_rays import direct_light, fill_buried
 
-    size, start, cells, place = maps
-    points, normals, owners = _samples(mesh, size, start, cells)
-    x, y, z = _SUN[:3]
-    length = math.sqrt(x * x + y * y + z * z)
-    sun = np.array([x / length, y / length, z / length, *_SUN[3:]])
+    points, normals, owners = _samples(mesh, size, start)
+    length = math.hypot(*_SUN[:3])
+    sun = np.array([*(part / length for part in _SUN[:3]), *_SUN[3:]])
     world, panes, lamps = _world(scene, mesh, visible), _panes(visible), _lamps(visible)
     # Facets of a round shape share corners: compute the light of each corner once.
     keys = np.round(np.column_stack([points, normals, owners]), 6)
@@ -188,11 +188,11 @@ def _grid_sizes(mesh: Mesh, visible: list[Primitive]) -> npt.NDArray[np.int32]:
 
 
 def _samples(
-    mesh: Mesh, size: npt.NDArray[np.int32], start: npt.NDArray[np.int64], cells: npt.NDArray[np.int64]
+    mesh: Mesh, size: npt.NDArray[np.int32], start: npt.NDArray[np.int64]
 ) -> tuple[Floats, Floats, npt.NDArray[np.int32]]:
     """Return the points where light is computed, with their normals and primitives."""
-    face = np.repeat(np.arange(len(cells)), cells)
-    within = np.arange(int(cells.sum())) - start[face]
+    face = np.repeat(np.arange(len(size)), size.prod(axis=1))
+    within = np.arange(len(face)) - start[face]
     share_s = (within % size[face, 0]) / (size[face, 0] - 1)
     share_t = (within // size[face, 0]) / (size[face, 1] - 1)
     low_s, high_s, low_t, high_t = mesh.extent[face].T
@@ -240,12 +240,6 @@ def _hemisphere(count: int) -> Floats:
     return np.round(np.array(rows), 9)
 
 
-def _casts_shadow(primitive: Primitive) -> bool:
-    if primitive.category in ("floor", "ceiling"):
-        return False
-    return primitive.material.texture not in ("sky", "glass")
-
-
 def _world(scene: Scene, mesh: Mesh, visible: list[Primitive]) -> tuple[object, ...]:
     """Sort the occluders into a grid over the floor plan."""
     x0, y0, x1, y1 = scene.bounds
@@ -254,15 +248,12 @@ def _world(scene: Scene, mesh: Mesh, visible: list[Primitive]) -> tuple[object, 
     rows = math.ceil((y1 - y0) / _GRID_M) + 1
     lists: list[list[int]] = [[] for _ in range(rows * columns)]
     for index, primitive in enumerate(visible):
-        if not _casts_shadow(primitive):
-            continue
-        for cell in _cells_under(primitive, (x0, y0), (columns, rows)):
-            lists[cell].append(index)
+        if primitive.category not in ("floor", "ceiling") and primitive.material.texture not in ("sky", "glass"):
+            for cell in _cells_under(primitive, (x0, y0), (columns, rows)):
+                lists[cell].append(index)
     items = np.array([index for held in lists for index in held] or [0], np.int32)
     ends = np.cumsum([0] + [len(held) for held in lists])
-    table = np.empty((rows, columns + 1), np.int32)
-    for row in range(rows):
-        table[row] = ends[row * columns : (row + 1) * columns + 1]
+    table = np.stack([ends[row * columns : (row + 1) * columns + 1] for row in range(rows)]).astype(np.int32)
     return (
         x0,
         y0,

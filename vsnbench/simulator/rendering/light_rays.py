@@ -135,12 +135,9 @@ def cast(  # noqa: PLR0913 - compiled functions take arrays, not objects
 
 
 @compiled
-def _cast_from(
-    start: Any, ray: Any, limit: Any, any_hit: Any, skip: Any, skip_instance: Any, world: Any, stamps: Any
-) -> Any:
-    return cast(
-        start[0], start[1], start[2], ray[0], ray[1], ray[2], limit, any_hit, skip, skip_instance, world, stamps
-    )
+def _any_hit(start: Any, ray: Any, limit: Any, skip: Any, skip_instance: Any, world: Any, stamps: Any) -> Any:
+    """Return (distance, primitive) of any occluder on a ray; (limit, -1) for a free ray."""
+    return cast(start[0], start[1], start[2], ray[0], ray[1], ray[2], limit, True, skip, skip_instance, world, stamps)
 
 
 @compiled
@@ -173,7 +170,7 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
         for lift in (_SKIN_M, 0.03):  # a thin covering may be on the point
             for k in range(3):
                 start[k] = points[number, k] + lift * normal[k]
-            at, _ = _cast_from(start, normal, 1e-3, True, owner, 0, world, stamps)
+            at, _ = _any_hit(start, normal, 1e-3, owner, 0, world, stamps)
             if at != 0.0:
                 values[number, 3] = lift
                 break
@@ -215,7 +212,7 @@ def _add_window(  # noqa: PLR0913 - compiled functions take arrays, not objects
         length = np.sqrt(length)
         for k in range(3):
             ray[k] /= length
-        _, thing = _cast_from(start, ray, length - 1e-3, True, owner, 0, world, stamps)
+        _, thing = _any_hit(start, ray, length - 1e-3, owner, 0, world, stamps)
         if thing < 0:
             total += form
     value[0] += 3.1 * total
@@ -246,7 +243,7 @@ def _add_lamp(  # noqa: PLR0913 - compiled functions take arrays, not objects
         length = np.sqrt(length)
         for k in range(3):
             ray[k] /= length
-        _, thing = _cast_from(start, ray, length - 1e-3, True, owner, int(lamp[6]), world, stamps)
+        _, thing = _any_hit(start, ray, length - 1e-3, owner, int(lamp[6]), world, stamps)
         if thing < 0:
             total += form / len(parts)
     for k in range(3):
@@ -276,7 +273,7 @@ def _add_sun(  # noqa: PLR0913 - compiled functions take arrays, not objects
         x, y = start[0] + limit * ray[0], start[1] + limit * ray[1]
         if grid_x + cell <= x <= grid_x + wide - cell and grid_y + cell <= y <= grid_y + deep - cell:
             continue
-        _, thing = _cast_from(start, ray, limit, True, owner, 0, world, stamps)
+        _, thing = _any_hit(start, ray, limit, owner, 0, world, stamps)
         if thing < 0:
             for k in range(3):
                 value[k] += 0.25 * sun[3 + k] * facing

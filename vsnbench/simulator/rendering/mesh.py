@@ -11,18 +11,9 @@ import numpy.typing as npt
 from vsnbench.simulator.furniture.canvas import rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
 from vsnbench.simulator.rendering.textures import SIZE, TEXTURES, Mapping
-from vsnbench.sites.categories import CATEGORIES
-
-SEMANTIC_CLASSES: tuple[str, ...] = ("", "wall", "floor", "ceiling", "door", "window", *sorted(CATEGORIES), "other")
-"""Names of the semantic ids in an image; id 0 is no object, the last one any category without a built-in shape."""
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
-
-
-def semantic_id(category: str) -> int:
-    """Return the semantic id of a category."""
-    return SEMANTIC_CLASSES.index(category if category in SEMANTIC_CLASSES else "other")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +56,6 @@ class Mesh:
     shininess: Floats
     glow: Floats
     """(P,)."""
-    categories: npt.NDArray[np.uint8]
     instances: Ints
     """(P,)."""
 
@@ -253,8 +243,7 @@ def build_mesh(scene: Scene) -> Mesh:
     """Return the visible primitives of a scene as polygons."""
     visible = [primitive for primitive in scene.primitives if primitive.visible]
     names = list(TEXTURES)
-    columns: dict[str, list[Floats]] = {name: [] for name in ("corners", "normals", "s", "t", "extent", "map")}
-    counts = []
+    parts: list[tuple[Floats, ...]] = []
     rotations = [np.array(rotation_matrix(primitive.rotation)) for primitive in visible]
     for index, (primitive, rotation) in enumerate(zip(visible, rotations, strict=True)):
         style = TEXTURES[primitive.material.texture]
@@ -278,9 +267,9 @@ def build_mesh(scene: Scene) -> Mesh:
             away = 0.0 if primitive.category in _BUILDING else 0.6180339887 * index
             row = (1 / style.size_m[0], away % 1.0, 1 / style.size_m[1], 1.7 * away % 1.0)
             texture_map = np.tile(np.array(row), (len(corners), 1))
-        for name, value in zip(columns, (corners, normals, s, t, extent, texture_map), strict=True):
-            columns[name].append(value)
-        counts.append(len(corners))
+        parts.append((corners, normals, s, t, extent, texture_map))
+    corners, normals, s, t, extent, texture_map = map(np.concatenate, zip(*parts, strict=True))
+    counts = [len(part[0]) for part in parts]
     owner = np.repeat(np.arange(len(visible), dtype=np.int32), counts)
     ends = np.cumsum(counts)
     radii = [
@@ -289,13 +278,13 @@ def build_mesh(scene: Scene) -> Mesh:
     ]
     textures = np.array([names.index(primitive.material.texture) for primitive in visible], np.int32)
     return Mesh(
-        corners=np.concatenate(columns["corners"]),
-        normals=np.concatenate(columns["normals"]),
-        axis_s=np.concatenate(columns["s"]),
-        axis_t=np.concatenate(columns["t"]),
-        extent=np.concatenate(columns["extent"]),
+        corners=corners,
+        normals=normals,
+        axis_s=s,
+        axis_t=t,
+        extent=extent,
         texture=textures[owner],
-        texture_map=np.concatenate(columns["map"]),
+        texture_map=texture_map,
         owner=owner,
         centres=np.array([primitive.centre for primitive in visible]),
         rotations=np.array(rotations),
@@ -306,6 +295,5 @@ def build_mesh(scene: Scene) -> Mesh:
         colors=np.array([linear(primitive.material.color) for primitive in visible]),
         shininess=np.array([primitive.material.shininess for primitive in visible]),
         glow=np.array([primitive.material.glow for primitive in visible]),
-        categories=np.array([semantic_id(primitive.category) for primitive in visible], np.uint8),
         instances=np.array([primitive.instance for primitive in visible], np.int32),
     )

@@ -150,10 +150,5 @@ def draw_faces(  # noqa: PLR0913 - compiled functions take arrays, not objects
 @compiled
 def _nearest_first(eye: Any, centres: Any, radii: Any) -> Any:
     """Return the indices of the primitives ordered by the distance of their bounding spheres from the eye; stable."""
-    nearest = np.empty(len(radii))
-    for primitive in range(len(radii)):
-        dx = centres[primitive, 0] - eye[0]
-        dy = centres[primitive, 1] - eye[1]
-        dz = centres[primitive, 2] - eye[2]
-        nearest[primitive] = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[primitive]
-    return np.argsort(nearest, kind="mergesort")
+    dx, dy, dz = centres[:, 0] - eye[0], centres[:, 1] - eye[1], centres[:, 2] - eye[2]
+    return np.argsort(np.sqrt(dx * dx + dy * dy + dz * dz) - radii, kind="mergesort")

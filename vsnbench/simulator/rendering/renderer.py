@@ -1,4 +1,4 @@
-"""Images of a scene: RGB, depth, semantic and instance ids of one view in one pass."""
+"""Images of a scene: RGB, depth and object of each pixel of one view in one pass."""
 
 import math
 import struct
@@ -37,10 +37,8 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame(Look):
-    """One view with the labels of each pixel."""
+    """One view with the object of each pixel."""
 
-    category: npt.NDArray[np.uint8]
-    """(H, W) index into `mesh.SEMANTIC_CLASSES`."""
     instance: npt.NDArray[np.int32]
     """(H, W) 1 + index into `Site.objects`; 0 for the building."""
 
@@ -57,11 +55,78 @@ class Eye:
     roll_rad: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Pinhole:
+    """A pinhole camera: image size, focal length and principal point, pixels."""
+
+    width: int
+    height: int
+    focal_px: float
+    centre_x: float
+    centre_y: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthView:
+    """Depth and face indices of one view, (H, W)."""
+
+    depth_m: npt.NDArray[np.float32]
+    """Metres along the optical axis; infinite without a surface."""
+    face: npt.NDArray[np.int32]
+    """Index of the mesh's face; -1 without a surface."""
+
+
 def eye_of(camera: Camera, pose: Pose) -> Eye:
     """Return the camera pose of a robot whose base is at `pose`."""
     mount = pose.compose(Pose(camera.mount_forward_m, 0.0))
     tilt_rad, roll_rad = math.radians(camera.tilt_deg), math.radians(camera.roll_deg)
     return Eye(mount.x_m, mount.y_m, camera.mount_height_m, mount.heading_rad, tilt_rad, roll_rad)
+
+
+class DepthDrawer:
+    """Draws hundreds of depth views of one mesh per second; it has its own buffers and is not thread-safe."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
+
+    def draw(self, eye: Eye, pinhole: Pinhole) -> DepthView:
+        """Draw a view from a pose; the next view of the same size overwrites its faces."""
+        nearness, faces = self.find_faces(_position_of(eye), camera_axes(eye), pinhole)
+        with np.errstate(divide="ignore"):
+            return DepthView(np.reciprocal(nearness), faces)
+
+    def find_faces(
+        self, at: npt.NDArray[np.float64], axes: npt.NDArray[np.float64], pinhole: Pinhole
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+        """Return inverse depth and face index of each pixel, (H, W); the next call with the same size overwrites them.
+
+        Args:
+            at: (3,) position of the camera.
+            axes: (3, 3) from `camera_axes`.
+            pinhole: the camera.
+        """
+        from vsnbench.simulator.rendering.raster import draw_faces
+
+        mesh, size = self.mesh, (pinhole.height, pinhole.width)
+        if size not in self._buffers:
+            self._buffers[size] = (np.empty(size, np.float32), np.empty(size, np.int32))
+        nearness, seen = self._buffers[size]
+        draw_faces(
+            at,
+            axes,
+            pinhole.focal_px,
+            pinhole.centre_x,
+            pinhole.centre_y,
+            mesh.corners,
+            mesh.normals,
+            mesh.centres,
+            mesh.radii,
+            mesh.faces,
+            nearness,
+            seen,
+        )
+        return nearness, seen
 
 
 class Renderer:
@@ -77,7 +142,7 @@ class Renderer:
         self._tones = _tone_table()
         self._grain = _grain_table()
         self._surface = _surface(self._mesh, self._light)
-        self._buffers: dict[tuple[int, int], tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]] = {}
+        self._drawer = DepthDrawer(self._mesh)
 
     def render(self, camera: Camera, pose: Pose) -> Frame:
         """Draw the view of a robot's camera; `pose` is that of the base in the site's frame."""
@@ -87,34 +152,33 @@ class Renderer:
         """Draw the view of a pinhole camera at any pose."""
         from vsnbench.simulator.rendering.shading import label_pixels
 
-        look, mesh = self._look(eye, width, height, focal_px), self._mesh
-        category, instance = np.empty((height, width), np.uint8), np.empty((height, width), np.int32)
-        label_pixels(self._buffers[height, width][1], mesh.owner, mesh.categories, mesh.instances, category, instance)
-        return Frame(look.rgb, look.depth_m, category, instance)
+        (look, seen), mesh = self._look(eye, _centred(width, height, focal_px)), self._mesh
+        instance = np.empty((height, width), np.int32)
+        label_pixels(seen, mesh.owner, mesh.instances, instance)
+        return Frame(look.rgb, look.depth_m, instance)
 
     def look(self, camera: Camera, pose: Pose) -> Look:
         """Draw the view of a robot's camera without the simulator's labels."""
-        return self._look(eye_of(camera, pose), camera.width, camera.height, camera.focal_px)
+        return self._look(eye_of(camera, pose), _centred(camera.width, camera.height, camera.focal_px))[0]
 
     def measure(self, camera: Camera, pose: Pose) -> npt.NDArray[np.float32]:
         """Return only the depth of `look`, (H, W) metres, without shading."""
-        width, height = camera.width, camera.height
-        self._find_faces(eye_of(camera, pose), width, height, camera.focal_px)
-        with np.errstate(divide="ignore"):
-            return np.reciprocal(self._buffers[height, width][0])
+        pinhole = _centred(camera.width, camera.height, camera.focal_px)
+        return self._drawer.draw(eye_of(camera, pose), pinhole).depth_m
 
-    def _look(self, eye: Eye, width: int, height: int, focal_px: float) -> Look:
+    def _look(self, eye: Eye, pinhole: Pinhole) -> tuple[Look, npt.NDArray[np.int32]]:
+        """Return a view and the face index of each pixel."""
         from vsnbench.simulator.rendering.shading import shade_pixels, soften
 
-        at, axes, cx, cy = self._find_faces(eye, width, height, focal_px)
-        nearness, seen = self._buffers[height, width]
-        look = Look(np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32))
+        at, axes, size = _position_of(eye), camera_axes(eye), (pinhole.height, pinhole.width)
+        nearness, seen = self._drawer.find_faces(at, axes, pinhole)
+        look = Look(np.empty((*size, 3), np.uint8), np.empty(size, np.float32))
         shade_pixels(
             at,
             axes,
-            focal_px,
-            cx,
-            cy,
+            pinhole.focal_px,
+            pinhole.centre_x,
+            pinhole.centre_y,
             nearness,
             seen,
             self._surface,
@@ -129,38 +193,7 @@ class Renderer:
             look.depth_m,
         )
         soften(look.rgb)
-        return look
-
-    def _find_faces(
-        self, eye: Eye, width: int, height: int, focal_px: float
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float]:
-        """Write the face index and inverse depth of each pixel into the buffers; return camera position, axes and
-        centre.
-        """
-        from vsnbench.simulator.rendering.raster import draw_faces
-
-        mesh = self._mesh
-        if (height, width) not in self._buffers:
-            self._buffers[height, width] = (np.empty((height, width), np.float32), np.empty((height, width), np.int32))
-        nearness, seen = self._buffers[height, width]
-        at = np.array([eye.x_m, eye.y_m, eye.z_m])
-        axes = camera_axes(eye)
-        cx, cy = (width - 1) / 2, (height - 1) / 2
-        draw_faces(
-            at,
-            axes,
-            focal_px,
-            cx,
-            cy,
-            mesh.corners,
-            mesh.normals,
-            mesh.centres,
-            mesh.radii,
-            mesh.faces,
-            nearness,
-            seen,
-        )
-        return at, axes, cx, cy
+        return look, seen
 
 
 @lru_cache(maxsize=8)
@@ -186,6 +219,14 @@ def _surface(mesh: Mesh, light: LightMaps) -> tuple[npt.NDArray[Any], ...]:
         light.size,
         light.place,
     )
+
+
+def _centred(width: int, height: int, focal_px: float) -> Pinhole:
+    return Pinhole(width, height, focal_px, (width - 1) / 2, (height - 1) / 2)
+
+
+def _position_of(eye: Eye) -> npt.NDArray[np.float64]:
+    return np.array([eye.x_m, eye.y_m, eye.z_m])
 
 
 def camera_axes(eye: Eye) -> npt.NDArray[np.float64]:

@@ -294,17 +294,15 @@ def mark_out_of_range(depth: Any, nearest: Any, farthest: Any) -> None:
 
 
 @compiled
-def label_pixels(seen: Any, owner: Any, categories: Any, instances: Any, category: Any, instance: Any) -> None:
-    """Write both ids of every pixel, 0 without a surface; all images (H, W)."""
+def label_pixels(seen: Any, owner: Any, instances: Any, instance: Any) -> None:
+    """Write the object of every pixel into `instance` (H, W), 0 without a surface; `seen` is from `draw_faces`."""
     height, width = seen.shape
     for row in range(height):
         column = 0
         while column < width:
             face = seen[row, column]
             end = column + _run_length(seen[row, column:width])
-            is_surface = face >= 0
-            category[row, column:end] = categories[owner[face]] if is_surface else 0
-            instance[row, column:end] = instances[owner[face]] if is_surface else 0
+            instance[row, column:end] = instances[owner[face]] if face >= 0 else 0
             column = end
 
 

@@ -62,8 +62,7 @@ def _noise(rng: np.random.Generator, cells_s: int, cells_t: int) -> Plane:
     i0, i1, j0, j1 = i % cells_s, (i + 1) % cells_s, j % cells_t, (j + 1) % cells_t
     low = lattice[j0, i0] * (1 - fx) + lattice[j0, i1] * fx
     high = lattice[j1, i0] * (1 - fx) + lattice[j1, i1] * fx
-    result: Plane = low * (1 - fy) + high * fy
-    return result
+    return np.asarray(low * (1 - fy) + high * fy)
 
 
 def _clouds(rng: np.random.Generator, cells: int, octaves: int = 4) -> Plane:
@@ -103,13 +102,11 @@ def _grain(rng: np.random.Generator, rings: float) -> Plane:
     fine = 0.6 * _noise(rng, 3, 256) + 0.4 * _noise(rng, 5, 128)
     pores = (_noise(rng, 16, 256) > 0.55) * 0.5
     broad = 0.5 + 0.5 * _noise(rng, 1, 12)
-    result: Plane = 0.3 * rings_ * strength + 0.4 * (0.5 + 0.5 * fine) + 0.3 * broad - 0.3 * pores
-    return result
+    return np.asarray(0.3 * rings_ * strength + 0.4 * (0.5 + 0.5 * fine) + 0.3 * broad - 0.3 * pores)
 
 
 def _two_tone(share: Plane, dark: tuple[float, float, float], light: tuple[float, float, float]) -> Plane:
-    result: Plane = np.array(dark) + share[..., None] * (np.array(light) - np.array(dark))
-    return result
+    return np.asarray(np.array(dark) + share[..., None] * (np.array(light) - np.array(dark)))
 
 
 def _wood(rng: np.random.Generator) -> Plane:
@@ -142,14 +139,6 @@ def _tiling(rng: np.random.Generator, count: int, joint: float, spread: float) -
     edge = np.minimum(np.minimum(x, 1 - x), np.minimum(y, 1 - y))
     body = np.clip((edge - joint) / 0.012, 0, 1)
     return np.asarray((tone + 0.03 * _clouds(rng, 8, 3)) * body + 0.55 * (1 - body))
-
-
-def _tiles(rng: np.random.Generator) -> Plane:
-    return _tiling(rng, 4, 0.012, 0.1)
-
-
-def _wall_tiles(rng: np.random.Generator) -> Plane:
-    return _tiling(rng, 6, 0.014, 0.03)
 
 
 def _fabric(rng: np.random.Generator) -> Plane:
@@ -275,8 +264,8 @@ TEXTURES: dict[str, Texture] = {
     "plaster": Texture(_plaster, (1.2, 1.2), Mapping.LEVEL),
     "wood": Texture(_wood, (0.9, 0.45)),
     "planks": Texture(_planks, (2.4, 1.0), Mapping.LEVEL),
-    "tiles": Texture(_tiles, (1.6, 1.6), Mapping.LEVEL),
-    "wall_tiles": Texture(_wall_tiles, (1.2, 1.2), Mapping.LEVEL),
+    "tiles": Texture(lambda rng: _tiling(rng, 4, 0.012, 0.1), (1.6, 1.6), Mapping.LEVEL),
+    "wall_tiles": Texture(lambda rng: _tiling(rng, 6, 0.014, 0.03), (1.2, 1.2), Mapping.LEVEL),
     "fabric": Texture(_fabric, (0.6, 0.6)),
     "cloth": Texture(_cloth, (1.1, 1.1)),
     "carpet": Texture(_carpet, (0.6, 0.6), Mapping.LEVEL),

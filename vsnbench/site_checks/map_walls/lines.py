@@ -8,6 +8,7 @@ collinear walls with a doorway between them become one wall with a doorway.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -54,10 +55,10 @@ def propose_walls(grid: PlanGrid, shortest_m: float = SHORTEST_M) -> list[WallLi
 
     def lines(at_least_m: float) -> list[WallLine]:
         found = []
-        for first, last, thickness, used in _runs(points, left.copy(), directions, grid.resolution_m, at_least_m):
-            (x0, y0), (x1, y1) = grid.in_site(np.array([first, last])).tolist()
-            found.append(WallLine((x0, y0), (x1, y1), max(thickness * grid.resolution_m, 0.02)))
-            left[used] = False
+        for wall in _fitted_walls(points, left.copy(), directions, grid.resolution_m, at_least_m):
+            (x0, y0), (x1, y1) = grid.in_site(np.array([wall.first, wall.last])).tolist()
+            found.append(WallLine((x0, y0), (x1, y1), max(wall.thickness * grid.resolution_m, 0.02)))
+            left[wall.cells] = False
         return found
 
     walls = lines(shortest_m)
@@ -161,10 +162,19 @@ class _Run:
         return self.last - self.first + 1
 
 
-def _runs(
+class _FittedWall(NamedTuple):
+    """Ends of a wall's centre line and its thickness, in cells, and the indices of its cells."""
+
+    first: Points
+    last: Points
+    thickness: float
+    cells: npt.NDArray[np.intp]
+
+
+def _fitted_walls(
     points: Points, left: npt.NDArray[np.bool_], directions: list[float], resolution_m: float, shortest_m: float
-) -> Iterator[tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]]]:
-    """Yield first and last point of each wall, its thickness in cells, and the indices of its cells.
+) -> Iterator[_FittedWall]:
+    """Yield the walls along the given directions.
 
     A cell belongs to the longest line through it in any direction, so that the side of a cupboard takes no cells from
     a wall.
@@ -184,7 +194,7 @@ def _runs(
             rims[number, np.concatenate([run.cells for run in whole])] = True  # furniture
             continue
         fitted = _one_wall(wall, points, ways[number])
-        taken[fitted[3]] = True
+        taken[fitted.cells] = True
         rims[number, _near(points, fitted, ways[number], 1.5)] = True
         yield fitted
 
@@ -228,33 +238,23 @@ def _is_adjacent(run: _Run, seed: _Run, gone: npt.NDArray[np.bool_], as_long: fl
     return shared > as_long * seed.length and not gone[run.cells].mean() > _TAKEN
 
 
-def _near(
-    points: Points,
-    fitted: tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]],
-    way: Points,
-    margin: float,
-) -> npt.NDArray[np.bool_]:
+def _near(points: Points, wall: _FittedWall, way: Points, margin: float) -> npt.NDArray[np.bool_]:
     """Return which cells are in a wall or within `margin` cells of it."""
-    first, last, thickness, _ = fitted
     normal = np.array([-way[1], way[0]])
-    along, across = (points - np.array(first)) @ way, (points - np.array(first)) @ normal
-    end = float((np.array(last) - np.array(first)) @ way)
-    slope = float((np.array(last) - np.array(first)) @ normal) / end
+    along, across = (points - wall.first) @ way, (points - wall.first) @ normal
+    end = float((wall.last - wall.first) @ way)
+    slope = float((wall.last - wall.first) @ normal) / end
     inside: npt.NDArray[np.bool_] = (along > -1) & (along < end + 1)
-    return np.asarray(inside & (np.abs(across - slope * along) < thickness / 2 + margin), np.bool_)
+    return np.asarray(inside & (np.abs(across - slope * along) < wall.thickness / 2 + margin), np.bool_)
 
 
-def _one_wall(
-    group: list[_Run], points: Points, way: Points
-) -> tuple[tuple[float, float], tuple[float, float], float, npt.NDArray[np.intp]]:
+def _one_wall(group: list[_Run], points: Points, way: Points) -> _FittedWall:
     """Fit a centre line through the cells of a group."""
     used = np.unique(np.concatenate([run.cells for run in group]))
     normal = np.array([-way[1], way[0]])
     along, across = points[used] @ way, points[used] @ normal
     slope, offset = np.polyfit(along, across, 1) if np.ptp(along) > 0 else (0.0, float(across.mean()))
-    first, last = along.min() - 0.5, along.max() + 0.5
-    ends = [way * at + normal * (slope * at + offset) for at in (first, last)]
+    first, last = (way * at + normal * (slope * at + offset) for at in (along.min() - 0.5, along.max() + 0.5))
     residual = across - (slope * along + offset)
     thickness = float(np.clip(np.sqrt(12) * residual.std() + 0.3, 1.0, None))
-    (x0, y0), (x1, y1) = (end.tolist() for end in ends)
-    return (x0, y0), (x1, y1), thickness, used
+    return _FittedWall(first, last, thickness, used)

@@ -15,6 +15,8 @@ from vsnbench.sites.fields import Point
 from vsnbench.sites.geometry.walls import wall_shapes
 from vsnbench.sites.site import Site
 
+Floats = npt.NDArray[np.float64]
+
 _CRACK_M = 0.02
 """Maximum width of a gap between two walls that is closed: it is rounding of the survey."""
 _GRAZE_M = 1e-3
@@ -37,11 +39,11 @@ class _Faces:
     """Straight faces of walls seen from a point, from left end to right end: (N, 2) metres relative to the point."""
 
     here: Point
-    start: npt.NDArray[np.float64]
-    along: npt.NDArray[np.float64]
-    first_rad: npt.NDArray[np.float64]
+    start: Floats
+    along: Floats
+    first_rad: Floats
     """Direction of the right end."""
-    width_rad: npt.NDArray[np.float64]
+    width_rad: Floats
 
 
 class Sight:
@@ -57,7 +59,7 @@ class Sight:
         parts = shapely.orient_polygons(shapely.get_parts(self.walls))  # seen from outside, edges run to the right
         corners, ring = shapely.get_coordinates(shapely.get_rings(parts), return_index=True)
         same = ring[:-1] == ring[1:]
-        self._edges: npt.NDArray[np.float64] = np.stack([corners[:-1][same], corners[1:][same]], axis=1)
+        self._edges: Floats = np.stack([corners[:-1][same], corners[1:][same]], axis=1)
         self._edge_lines = np.asarray(shapely.linestrings(self._edges), dtype=object)
         self._regions: dict[tuple[bytes, float], BaseGeometry] = {}
         self._faces: _Faces | None = None
@@ -102,12 +104,10 @@ class Sight:
             covered = max(covered, begins + width)
         return bool(covered >= left)
 
-    def _faces_seen_from(self, here: Point) -> "_Faces":
+    def _faces_seen_from(self, here: Point) -> _Faces:
         """Return the walls' faces that are turned to a point; the last result is cached."""
         if self._faces is None or self._faces.here != here:
-            start, end = self._edges[:, 0] - here, self._edges[:, 1] - here
-            facing = _cross(start, end) < -_EDGE_ON
-            start, end = start[facing], end[facing]
+            start, end = _facing(self._edges, here)
             first = np.arctan2(end[:, 1], end[:, 0])
             width = (np.arctan2(start[:, 1], start[:, 0]) - first) % math.tau
             self._faces = _Faces(here, start, end - start, first, width)
@@ -137,16 +137,16 @@ class Sight:
 
     def _shadows(self, here: Point, within: BaseGeometry) -> BaseGeometry:
         """Return the area behind the walls in `within`, seen from a point outside the walls."""
-        edges = self._edges[shapely.intersects(self._edge_lines, within)]
-        start, end = edges[:, 0] - here, edges[:, 1] - here
-        facing = _cross(start, end) < -_EDGE_ON
-        start, end = start[facing], end[facing]
+        start, end = _facing(self._edges[shapely.intersects(self._edge_lines, within)], here)
         behind = shapely.polygons(np.stack([start, end, _FAR * end, _FAR * start], axis=1) + np.array(here))
         return shapely.union_all(behind).buffer(_ROUNDING_M)
 
 
-def _cross(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+def _facing(edges: Floats, here: Point) -> tuple[Floats, Floats]:
+    """Return left and right ends (N, 2), relative to a point, of the edges that are turned to it."""
+    start, end = edges[:, 0] - here, edges[:, 1] - here
+    facing = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0] < -_EDGE_ON
+    return start[facing], end[facing]
 
 
 _CACHE: dict[str, Sight] = {}

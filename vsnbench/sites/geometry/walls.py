@@ -1,15 +1,10 @@
 """Shapes of a site on the floor plan: walls with and without doors, solid objects, drawing order."""
 
-from typing import TYPE_CHECKING
-
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from vsnbench.sites.site import Site
-
-if TYPE_CHECKING:
-    from vsnbench.sites.fields import Point
-from vsnbench.sites.site import SiteObject, Wall
+from vsnbench.sites.fields import Point
+from vsnbench.sites.site import Site, SiteObject, Wall
 
 TOUCH_HEIGHT_M = 1.2
 """Objects above this height do not touch robots; also the default upper limit of the depth guard."""
@@ -39,22 +34,22 @@ def solid_shapes(site: Site, below_m: float = TOUCH_HEIGHT_M) -> list[BaseGeomet
     return [*wall_shapes(site), *objects]
 
 
-def walls_of(site: Site, start: "Point", end: "Point", tolerance_m: float = 0.02) -> list["Wall"]:
+def walls_of(site: Site, start: Point, end: Point, tolerance_m: float = 0.02) -> list[Wall]:
     """Return the walls whose centre line contains both points: the walls of a door or window."""
     line = shapely.LineString([start, end])
     return [wall for wall in site.walls if wall.centre_line.buffer(tolerance_m, cap_style="square").covers(line)]
 
 
-def doorway(start: "Point", end: "Point") -> BaseGeometry:
+def doorway(start: Point, end: Point) -> BaseGeometry:
     """Return the opening between two points as a strip wider than any wall."""
     return shapely.LineString([start, end]).buffer(0.3, cap_style="flat")
 
 
-def top_m(thing: "SiteObject") -> float:
+def top_m(thing: SiteObject) -> float:
     """Return the height of an object's top above the floor, metres."""
     return thing.elevation_m + thing.size_m[2]
 
 
-def lowest_first(site: Site) -> list["SiteObject"]:
+def lowest_first(site: Site) -> list[SiteObject]:
     """Return the objects in drawing order: upper ones after lower ones."""
     return sorted(site.objects, key=top_m)
