@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
+from vsnbench.protocol.course import CourseMap, Stage
+from vsnbench.protocol.metrics import heading_change_deg_per_m
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.reading.rows import EpisodeDetails
@@ -19,8 +21,6 @@ from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from vsnbench.protocol.course import CourseMap, Stage
 
 MAX_EXAMINED = 1000
 """Maximum number of episodes examined in a report; each takes some 4 ms."""
@@ -47,7 +47,7 @@ class Course:
 class CourseMeasures:
     """Measures of one course; None if unknown."""
 
-    stage: "Stage | None"
+    stage: Stage | None
     """Furthest stage."""
     clearance_min_m: float | None
     """Smallest distance from the base's edge to a solid of the map."""
@@ -64,7 +64,7 @@ class CourseSummary:
     counted: int
     examined: int
     """Number of examined episodes, evenly sampled."""
-    stages: tuple[tuple["Stage", int], ...]
+    stages: tuple[tuple[Stage, int], ...]
     """Number of examined episodes by furthest stage, in order; episodes of unknown stage are in none."""
     clearance_min_m: float
     """Mean of the episodes' minimum clearances."""
@@ -83,7 +83,7 @@ def site_of(record: ReportData, condition: Condition) -> Site | None:
         return None
 
 
-def course_map(engine: Engine, record: ReportData, condition: Condition) -> "CourseMap | None":
+def course_map(engine: Engine, record: ReportData, condition: Condition) -> CourseMap | None:
     """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base.
 
     Raises:
@@ -100,8 +100,7 @@ def course_map(engine: Engine, record: ReportData, condition: Condition) -> "Cou
 
 def _map_of(
     site: Mapping[str, Any] | None, profile: Mapping[str, Any] | None, protocol: Mapping[str, Any] | None
-) -> "CourseMap | None":
-    from vsnbench.protocol.course import CourseMap
+) -> CourseMap | None:
     from vsnbench.protocol.parameters import ProtocolParameters
 
     radius_m = _positive((profile or {}).get("base"), "radius_m")
@@ -184,11 +183,8 @@ def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
 
 
 def _measure(
-    ground: "CourseMap | None", goal: str, course: Course | None, path_m: float, succeeded: bool
+    ground: CourseMap | None, goal: str, course: Course | None, path_m: float, succeeded: bool
 ) -> CourseMeasures:
-    from vsnbench.protocol.course import Stage
-    from vsnbench.protocol.metrics import heading_change_deg_per_m
-
     poses = course.poses if course else ()
     approach = ground.approach(goal, poses) if ground else None
     clearance = ground.clearance(poses) if ground else None
@@ -201,8 +197,6 @@ def _measure(
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> CourseSummary:
-    from vsnbench.protocol.course import Stage
-
     stages = Counter(line[1] for line in lines)
     means = []
     for column in range(2, 2 + len(MEASURES)):

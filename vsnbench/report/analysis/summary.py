@@ -8,6 +8,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.analysis.cell_counts import CellCounts
@@ -21,9 +24,7 @@ from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.values.goal import GoalKind
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,8 +287,6 @@ def _of_start(start: int, episodes: EpisodeColumns, planned: int, cells: CellCou
 
 def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summary:
     """Return the statistics of episodes of any state; `outcomes` covers the counted ones."""
-    import numpy as np
-
     counted = episodes[episodes.state.of(COUNTED)]
     spl, soft_spl, sct = _known(counted.spl), _known(counted.soft_spl), _known(counted.sct)
     progress, distance_m = _known(counted.progress), _known(counted.distance_m)
@@ -324,10 +323,8 @@ def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summ
     )
 
 
-def _known(numbers: "NDArray[np.float64]") -> "NDArray[np.float64]":
+def _known(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the values that are not NaN."""
-    import numpy as np
-
     return np.asarray(numbers[~np.isnan(numbers)], np.float64)
 
 
@@ -342,8 +339,6 @@ def _ends(episodes: EpisodeColumns) -> tuple[EndCount, ...]:
     return tuple(count for count in counts if count.attempts)
 
 
-def _mean(numbers: "NDArray[Any]") -> float:
+def _mean(numbers: NDArray[Any]) -> float:
     """Return the mean, bit for bit independent of the order of the episodes."""
-    import numpy as np
-
     return float(np.sort(numbers).mean()) if len(numbers) else math.nan

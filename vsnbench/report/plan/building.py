@@ -4,6 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+import shapely
+
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
 from vsnbench.sites.geometry.walls import doorway, wall_area, walls_of
@@ -27,7 +30,6 @@ def draw_building(ink: Ink, axes: "Axes", site: Site) -> None:
 
 
 def _draw_walls(axes: "Axes", site: Site) -> None:
-    import shapely
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -102,9 +104,6 @@ def _draw_door(ink: Ink, site: Site, door: Door) -> None:
 
 def name_room(axes: "Axes", site: Site, room: Room) -> None:
     """Write the room's name where the furniture leaves most space."""
-    import numpy as np
-    import shapely
-
     half_wide, half_high = 0.045 * len(room.name) + 0.1, 0.14
     busy = [thing.shape for thing in site.objects if thing.category not in NOT_DRAWN]
     busy += [wall.shape for wall in site.walls]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import shapely
+
 from vsnbench.report.plan.building import draw_building, name_room
 from vsnbench.report.plan.furniture import GOAL_COLORS, draw_furniture
 from vsnbench.report.plan.ink import INK, Ink
@@ -129,8 +131,6 @@ def success_outline(x_m: "ArrayLike", y_m: "ArrayLike") -> "Line2D":
 
 
 def _draw_success(axes: "Axes", region: "BaseGeometry") -> None:
-    import shapely
-
     for ring in shapely.get_rings(shapely.get_parts(region)):
         x_m, y_m = shapely.get_coordinates(ring).T
         axes.add_artist(success_outline(x_m, y_m))

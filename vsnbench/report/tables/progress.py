@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
+import shapely
+
 from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.activity import Activity
 from vsnbench.report.analysis.conditions import footnotes
@@ -126,7 +128,5 @@ def _places(record: ReportData, results: Results, activity: Activity) -> Iterato
 
 
 def _room(site: Site | None, place: FailurePlace) -> str:
-    import shapely
-
     here = shapely.Point(place.x_m, place.y_m)
     return next((room.name for room in site.rooms if room.shape.covers(here)), "") if site else ""
