@@ -5,6 +5,7 @@ from typing import Any
 
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.summary import Summary
+from vsnbench.statistics.rates import Interval
 
 
 def finite(number: float) -> float | None:
@@ -12,9 +13,13 @@ def finite(number: float) -> float | None:
     return float(number) if math.isfinite(number) else None
 
 
+def interval_fields(interval: Interval, name: str = "ci") -> dict[str, float | None]:
+    """Return the ends of an interval as `NAME_low` and `NAME_high`; None if unknown."""
+    return {f"{name}_low": finite(interval.low), f"{name}_high": finite(interval.high)}
+
+
 def summary_fields(summary: Summary) -> dict[str, Any]:
     """Return a summary with stable field names; None if unknown."""
-    interval = summary.interval
     fields = {
         "successes": summary.successes,
         "episodes": summary.episodes,
@@ -23,8 +28,7 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
         "void": summary.void,
         "unjudged": summary.unjudged,
         "success_rate": summary.success_rate,
-        "ci_low": interval.low,
-        "ci_high": interval.high,
+        **interval_fields(summary.interval),
         "mean_actions": summary.mean_actions,
         "mean_actions_successful": summary.mean_actions_successful,
         "spl": summary.spl,

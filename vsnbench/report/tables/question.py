@@ -6,8 +6,7 @@ from dataclasses import replace
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.tables.comparison import ranking_table
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, row, word
-from vsnbench.report.wording import compared
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, p_cell, row, word
 
 
 def question_tables(questions: Sequence[Question]) -> list[ReportTable]:
@@ -25,7 +24,7 @@ def question_tables(questions: Sequence[Question]) -> list[ReportTable]:
 def _pairs(question: Question, number: int) -> ReportTable:
     rows = []
     for comparison, rate in question.pairs:
-        (mine, theirs), interval = rate.compared, rate.interval
+        mine, theirs = rate.compared
         finding = "different" if rate.conclusion.names_winner else "no difference shown"
         rows.append(
             row(
@@ -34,8 +33,8 @@ def _pairs(question: Question, number: int) -> ReportTable:
                 of(mine.successes, mine.trials),
                 of(theirs.successes, theirs.trials),
                 decimal(100 * rate.difference, 1),
-                interval_percent(interval.low, interval.high, 1),
-                replace(decimal(rate.adjusted_p, 3), text=compared(rate.adjusted_p).removeprefix("= ")),
+                interval_percent(rate.interval, 1),
+                p_cell(rate.adjusted_p),
                 word(finding),
             )
         )

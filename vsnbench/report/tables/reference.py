@@ -14,8 +14,7 @@ from vsnbench.report.tables.report_table import (
     count,
     decimal,
     interval_percent,
-    of,
-    percent,
+    rate_cells,
     row,
     without_empty_columns,
     word,
@@ -112,16 +111,14 @@ def _row(goal: str, condition_summary: ConditionSummary, mine: Summary, theirs: 
         interval = independent_difference(mine.outcomes, theirs.outcomes)
         difference = (
             decimal(100 * (mine.success_rate - theirs.success_rate), 2),
-            interval_percent(interval.low, interval.high),
+            interval_percent(interval),
         )
     actions = float("nan") if goal.startswith("shared: ") else mine.mean_actions
     return row(
         word(goal),
         word(condition_summary.condition.name),
         word(f"{condition_summary.condition.environment}, {condition_summary.condition.site}"),
-        of(mine.successes, mine.episodes),
-        percent(mine.success_rate),
-        interval_percent(mine.interval.low, mine.interval.high),
+        *rate_cells(mine.proportion, mine.interval),
         decimal(actions, 1),
         *difference,
         total=total,
@@ -165,9 +162,7 @@ def _real_against_virtual(results: Results) -> ReportTable:
         rows=tuple(
             row(
                 word(summary.condition.name),
-                of(summary.total.successes, summary.total.episodes),
-                percent(summary.total.success_rate),
-                interval_percent(summary.total.interval.low, summary.total.interval.high),
+                *rate_cells(summary.total.proportion, summary.total.interval),
                 decimal(model.virtual_success_percent, 0),
             )
             for model, summary in zip(published().models, results.conditions, strict=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.distance_text import distance_text
+from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
@@ -114,11 +115,30 @@ def percent(share: float, places: int = 2) -> Cell:
     return decimal(share * 100, places)
 
 
-def interval_percent(low: float, high: float, places: int = 2) -> Cell:
-    """Return a cell with an interval in percent, sorted by its lower end."""
-    if not (math.isfinite(low) and math.isfinite(high)):
+def p_cell(value: float) -> Cell:
+    """Return a cell with a p-value."""
+    return Cell("< 0.001", value) if value < 0.001 else decimal(value, 3)
+
+
+def interval_cell(interval: Interval, places: int, factor: int = 1) -> Cell:
+    """Return a cell with an interval times a factor, sorted by its lower end; a dash if it is unknown."""
+    if not interval.known:
         return Cell(UNKNOWN, -math.inf)
-    return Cell(f"[{low * 100:.{places}f}, {high * 100:.{places}f}]", low)
+    return Cell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
+
+
+def interval_percent(interval: Interval, places: int = 2) -> Cell:
+    """Return a cell with an interval in percent, sorted by its lower end."""
+    return interval_cell(interval, places, 100)
+
+
+def rate_cells(proportion: Proportion, interval: Interval, places: int = 2) -> tuple[Cell, Cell, Cell]:
+    """Return the cells of k/n, success rate and its interval in percent."""
+    return (
+        of(proportion.successes, proportion.trials),
+        percent(proportion.rate, places),
+        interval_percent(interval, places),
+    )
 
 
 def footnotes_of(tables: Iterable[ReportTable]) -> tuple[str, ...]:

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from typing import Any
 
-from vsnbench.report.analysis.fields import finite
+from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.judgements import RaterAgreement
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
     Cell,
     Column,
     ReportTable,
     count,
     decimal,
+    interval_cell,
     percent,
     row,
     word,
@@ -33,7 +33,6 @@ def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
     rows = []
     for rater in raters:
         found = rater.agreement
-        low, high = found.interval.low, found.interval.high
         only_first, only_second = (
             sum(
                 number
@@ -48,7 +47,7 @@ def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
                 count(found.items),
                 percent(found.same, 1),
                 decimal(found.kappa, 2),
-                Cell(f"[{low:.2f}, {high:.2f}]", low) if found.interval.known else Cell(UNKNOWN, -1.0),
+                interval_cell(found.interval, 2),
                 count(only_first),
                 count(only_second),
             )
@@ -107,8 +106,7 @@ def second_judgement_fields(raters: Sequence[RaterAgreement]) -> list[dict[str, 
             "episodes": rater.agreement.items,
             "same": finite(rater.agreement.same),
             "kappa": finite(rater.agreement.kappa),
-            "ci_low": finite(rater.agreement.interval.low),
-            "ci_high": finite(rater.agreement.interval.high),
+            **interval_fields(rater.agreement.interval),
             "outcomes": [
                 {"first": first.value, "second": second.value, "episodes": number}
                 for (first, second), number in sorted(rater.outcomes.items())

@@ -80,7 +80,7 @@ def _row(summary: ConditionSummary, recount: Recount) -> Row:
         word(recount.label),
         of(proportion.successes, proportion.trials),
         percent(proportion.rate),
-        interval_percent(interval.low, interval.high) if interval else Cell(UNKNOWN, -1),
+        interval_percent(interval) if interval else Cell(UNKNOWN, -1),
     )
 
 

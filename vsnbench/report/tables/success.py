@@ -22,6 +22,7 @@ from vsnbench.report.tables.report_table import (
     interval_percent,
     of,
     percent,
+    rate_cells,
     row,
     word,
 )
@@ -62,16 +63,9 @@ def overview_table(results: Results) -> ReportTable:
     for summary, headline in zip(results.conditions, shown.by_condition, strict=True):
         known = {goal.goal: goal.summary for goal in summary.goals}
         cells = [percent(known[goal].success_rate, 0) if goal in known else Cell(UNKNOWN, -math.inf) for goal in goals]
-        total, interval = headline.summary, headline.summary.interval
-        rows.append(
-            row(
-                word(summary.condition.name),
-                *cells,
-                percent(total.success_rate, 1),
-                interval_percent(interval.low, interval.high, 1),
-                count(total.episodes),
-            )
-        )
+        total = headline.summary
+        rate = (percent(total.success_rate, 1), interval_percent(total.interval, 1), count(total.episodes))
+        rows.append(row(word(summary.condition.name), *cells, *rate))
     return ReportTable(
         name="overview",
         title="Success rate by goal, percent",
@@ -91,11 +85,12 @@ def overview_table(results: Results) -> ReportTable:
 def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
     success_m = summary.condition.success_distance_m
-    rows = [_summary_row(goal.title, goal.summary, success_m) for goal in summary.goals]
-    rows += [_summary_row(f"{kind.kind} goals", kind.summary, success_m, total=True) for kind in summary.kinds]
-    rows.append(_summary_row("all", summary.total, success_m, total=True))
+    rows = [_summary_row(word(goal.title), goal.summary, success_m) for goal in summary.goals]
+    totals = [(f"{kind.kind} goals", kind.summary) for kind in summary.kinds]
+    totals.append(("all", summary.total))
     if summary.shared:
-        rows.append(_summary_row(f"shared: {listed(summary.shared_goals)}", summary.shared, success_m, total=True))
+        totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
+    rows += [_summary_row(word(name), total, success_m, total=True) for name, total in totals]
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
@@ -136,14 +131,7 @@ def start_table(summary: ConditionSummary) -> ReportTable:
         title=f"{summary.condition.name}: success by starting position",
         columns=(Column("start"), *_RATES, *_MEASURES, *_COVERAGE),
         rows=tuple(
-            Row(
-                (
-                    count(start.start),
-                    *_rates(start.summary),
-                    *_measures(start.summary, summary.condition.success_distance_m),
-                    *_coverage(start.summary),
-                )
-            )
+            _summary_row(count(start.start), start.summary, summary.condition.success_distance_m)
             for start in summary.starts
             if start.start > 0  # 0: an import without starting positions
         ),
@@ -306,21 +294,10 @@ def _caveats(total: Summary) -> list[str]:
     return notes
 
 
-def _summary_row(name: str, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
-    return Row((word(name), *_rates(summary), *_measures(summary, success_m), *_coverage(summary)), total)
-
-
-def _rates(summary: Summary) -> tuple[Cell, ...]:
-    interval = summary.interval
-    return (
-        of(summary.successes, summary.episodes),
-        percent(summary.success_rate),
-        interval_percent(interval.low, interval.high),
-    )
-
-
-def _measures(summary: Summary, success_m: float | None) -> tuple[Cell, ...]:
-    return (
+def _summary_row(name: Cell, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
+    return row(
+        name,
+        *rate_cells(summary.proportion, summary.interval),
         decimal(summary.mean_actions, 1),
         decimal(summary.mean_actions_successful, 1),
         decimal(summary.spl, 3),
@@ -329,8 +306,7 @@ def _measures(summary: Summary, success_m: float | None) -> tuple[Cell, ...]:
         goal_distance(summary.median_distance_m, success_m),
         count(summary.collisions),
         count(summary.limits),
+        of(summary.episodes, summary.planned),
+        count(summary.void),
+        total=total,
     )
-
-
-def _coverage(summary: Summary) -> tuple[Cell, ...]:
-    return (of(summary.episodes, summary.planned), count(summary.void))
