@@ -29,51 +29,51 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Statistics of a group of episodes; the mean or median of nothing is NaN."""
+    """Statistics of a group of episodes; unknown means and medians are NaN, unknown counts None."""
 
     successes: int
     episodes: int
     """Counted episodes, one per trial."""
     planned: int
     """Planned trials."""
-    void: int | None
-    """Void attempts, not in `episodes`; None if unknown, as for published results."""
-    unjudged: int
-    """Results without a verdict, not in `episodes`."""
     mean_actions: float
     """Mean over all counted episodes, as in the paper."""
-    mean_actions_successful: float
-    """Mean over the successful episodes."""
-    spl: float
-    """Mean over failures (0) and successes with known path length; NaN if no success has a known length."""
-    soft_spl: float
-    """Mean over the episodes with known path lengths."""
-    spl_episodes: int
-    """Number of episodes in `spl`."""
-    soft_spl_episodes: int
-    """Number of episodes in `soft_spl`."""
-    progress: float
-    """Mean over the episodes with known shortest paths."""
-    progress_episodes: int
-    """Number of episodes in `progress`."""
-    sct: float
-    """Mean over failures (0) and successes with known time; NaN if no success has a known time."""
-    sct_episodes: int
-    """Number of episodes in `sct`."""
-    mean_driving_s: float
-    """Mean duration on the robot's clock, over the episodes with known duration."""
-    mean_thinking_s: float
-    """Mean inference time on a real robot, over the episodes with known time; NaN in simulation."""
-    median_distance_m: float
-    """Median of the known final distances to the goal."""
-    collisions: int | None
-    step_limits: int | None
-    time_limits: int | None
-    path_limits: int | None
-    trivial: int | None
-    """Episodes that began within one move (`TRIVIAL_M`) of success."""
     outcomes: Outcomes
     """Outcomes of the same episodes by cell; clusters are starting positions."""
+    void: int | None = None
+    """Void attempts, not in `episodes`."""
+    unjudged: int = 0
+    """Results without a verdict, not in `episodes`."""
+    mean_actions_successful: float = math.nan
+    """Mean over the successful episodes."""
+    spl: float = math.nan
+    """Mean over failures (0) and successes with known path length; NaN if no success has a known length."""
+    soft_spl: float = math.nan
+    """Mean over the episodes with known path lengths."""
+    spl_episodes: int = 0
+    """Number of episodes in `spl`."""
+    soft_spl_episodes: int = 0
+    """Number of episodes in `soft_spl`."""
+    progress: float = math.nan
+    """Mean over the episodes with known shortest paths."""
+    progress_episodes: int = 0
+    """Number of episodes in `progress`."""
+    sct: float = math.nan
+    """Mean over failures (0) and successes with known time; NaN if no success has a known time."""
+    sct_episodes: int = 0
+    """Number of episodes in `sct`."""
+    mean_driving_s: float = math.nan
+    """Mean duration on the robot's clock, over the episodes with known duration."""
+    mean_thinking_s: float = math.nan
+    """Mean inference time on a real robot, over the episodes with known time; NaN in simulation."""
+    median_distance_m: float = math.nan
+    """Median of the known final distances to the goal."""
+    collisions: int | None = None
+    step_limits: int | None = None
+    time_limits: int | None = None
+    path_limits: int | None = None
+    trivial: int | None = None
+    """Episodes that began within one move (`TRIVIAL_M`) of success."""
 
     @property
     def proportion(self) -> Proportion:

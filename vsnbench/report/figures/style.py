@@ -68,6 +68,11 @@ class Drawing:
         object.__setattr__(self, "width_in", float(width_in))
         object.__setattr__(self, "height_in", float(height_in))
 
+    @property
+    def is_wide(self) -> bool:
+        """Whether the figure needs more than one column."""
+        return self.width_in > 1.2 * COLUMN_IN
+
     def finish(self) -> Self:
         """Save the figure in every format and drop it, so that the drawing can be sent to another process."""
         for form in ("svg", "pdf", "png"):

@@ -31,15 +31,14 @@ from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.text.sanitize import counted
 
-_INTERVAL = (
-    "Wilson's interval of the success rate at the effective sample size, percent; clustered by starting position"
-)
-_RATES = (
+_COLUMNS = (
     Column("k/n", note="successful episodes of counted episodes, one per trial"),
     Column("SR %", note="success rate (paper, Section 4.1)"),
-    Column("95 % interval", note=_INTERVAL),
-)
-_MEASURES = (
+    Column(
+        "95 % interval",
+        note="Wilson's interval of the success rate at the effective sample size, percent; clustered by starting "
+        "position",
+    ),
     Column("actions", note="mean number of actions over all counted episodes, as in the paper"),
     Column("actions (succ.)", rank=1, note="mean number of actions over the successful episodes"),
     Column("SPL", rank=1, note="success weighted by path length, 0 to 1"),
@@ -48,11 +47,10 @@ _MEASURES = (
     Column("median d (m)", rank=3, note="median final distance to the nearest instance's footprint, metres"),
     Column("coll.", rank=3, note="episodes that ended with a collision"),
     Column("limit", rank=3, note="episodes that reached a limit on actions, time or path"),
-)
-_COVERAGE = (
     Column("done", note="completed trials of planned trials"),
     Column("void", rank=2, note="void attempts, not counted in any rate"),
 )
+"""Columns of `_summary_row` after the first."""
 
 
 def overview_table(results: Results) -> ReportTable:
@@ -94,7 +92,7 @@ def goal_table(summary: ConditionSummary) -> ReportTable:
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
-        columns=(Column("goal", number=False), *_RATES, *_MEASURES, *_COVERAGE),
+        columns=(Column("goal", number=False), *_COLUMNS),
         rows=tuple(rows),
         notes=(summary.condition.description, *_caveats(summary.total)),
         condition=summary.condition.number,
@@ -129,7 +127,7 @@ def start_table(summary: ConditionSummary) -> ReportTable:
     return ReportTable(
         name=f"starts-{summary.condition.number}",
         title=f"{summary.condition.name}: success by starting position",
-        columns=(Column("start"), *_RATES, *_MEASURES, *_COVERAGE),
+        columns=(Column("start"), *_COLUMNS),
         rows=tuple(
             _summary_row(count(start.start), start.summary, summary.condition.success_distance_m)
             for start in summary.starts
@@ -253,8 +251,9 @@ def action_table(results: Results, actions: Sequence[ActionCount]) -> ReportTabl
             Column("%"),
         ),
         rows=tuple(rows),
-        notes=tuple(
-            filter(None, ("Counted episodes only.", kinds_note(summary.condition for summary in results.conditions)))
+        notes=(
+            "Counted episodes only.",
+            *filter(None, [kinds_note(summary.condition for summary in results.conditions)]),
         ),
         footnotes=footnotes([summary.condition for summary in results.conditions]),
     )
