@@ -16,14 +16,7 @@ from vsnbench.report.build import Report
 from vsnbench.report.figures.frame_strips import frame_strip
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.tables.headline import headlines
-from vsnbench.report.tables.report_table import (
-    ReportTable,
-    count,
-    decimal,
-    footnotes_of,
-    goal_distance,
-    word,
-)
+from vsnbench.report.tables.report_table import ReportTable, decimal, footnotes_of, goal_distance, row
 from vsnbench.report.wording import listed
 from vsnbench.results.reading.read_model import COUNTED
 from vsnbench.text.sanitize import sanitize
@@ -252,18 +245,18 @@ def _episodes(record: ReportData) -> Iterator[_Values]:
         if strips < MAX_FRAME_STRIPS and record.results_directory and images:
             strip = frame_strip(record.results_directory, images)
             strips += strip is not None
-        cells = (
-            count(number),
-            word(titles[condition]),
-            word(sanitize(str(goal))),
-            count(start),
-            count(repetition),
-            word(sanitize(words)),
-            count(actions),
+        cells = row(
+            number,
+            titles[condition],
+            sanitize(str(goal)),
+            start,
+            repetition,
+            sanitize(words),
+            actions,
             goal_distance(distance, success_m[condition]),
             decimal(spl, 3),
-            word(f"{began:%Y-%m-%d %H:%M}"),
-        )
+            f"{began:%Y-%m-%d %H:%M}",
+        ).cells
         yield {
             "number": number,
             "cells": [(cell, is_number) for cell, (_, is_number) in zip(cells, _EPISODE_COLUMNS, strict=True)],

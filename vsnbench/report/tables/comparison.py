@@ -1,6 +1,5 @@
 """Comparisons and rankings as tables and as JSON values."""
 
-import math
 from dataclasses import asdict
 from typing import Any
 
@@ -11,12 +10,11 @@ from vsnbench.report.comparison.compare import ALL, SHARED, Comparison, RateComp
 from vsnbench.report.comparison.ranking import Ranking
 from vsnbench.report.comparison.verdicts import verdicts
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
+    EMPTY,
     Cell,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     interval_cell,
     interval_percent,
@@ -26,7 +24,6 @@ from vsnbench.report.tables.report_table import (
     rate_cells,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.report.wording import compared, listed
 from vsnbench.statistics.bootstrap import MIN_CLUSTERS
@@ -74,7 +71,7 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
         ),
         rows=tuple(
             row(
-                word(effect.measure),
+                effect.measure,
                 decimal(effect.first, _places(effect.measure)),
                 decimal(effect.second, _places(effect.measure)),
                 decimal(effect.difference, _places(effect.measure)),
@@ -132,9 +129,9 @@ def ranking_table(ranking: Ranking) -> ReportTable:
         rows=tuple(
             row(
                 Cell(_ranks(ranked.ranks.best, ranked.ranks.worst), ranked.ranks.best),
-                word(ranked.condition.name),
+                ranked.condition.name,
                 *rate_cells(ranked.proportion, ranked.interval),
-                word(ranked.letters),
+                ranked.letters,
             )
             for ranked in ranking.models
         ),
@@ -202,22 +199,21 @@ def _rate_row(rate: RateComparison, asked: int) -> Row:
     # A note lists the shared goals, because a list in the cell would wrap on a narrow terminal.
     scope = {ALL: "all", SHARED: "shared"}.get(rate.scope, rate.scope)
     matches, (mine, theirs), cells = rate.matches, rate.compared, rate.cells
-    unknown = Cell(UNKNOWN, -math.inf)
     return row(
-        word(scope),
+        scope,
         of(mine.successes, mine.trials),
         percent(mine.rate),
         of(theirs.successes, theirs.trials),
         percent(theirs.rate),
         decimal(100 * rate.difference, 2),
         interval_percent(rate.interval),
-        count(cells[0]) if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
+        cells[0] if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
         Cell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
         if matches and matches.pairs
-        else unknown,
+        else EMPTY,
         p_cell(rate.p),
-        word(rate.test),
-        p_cell(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
+        rate.test,
+        p_cell(rate.adjusted_p) if asked > 1 and rate.scope != ALL else EMPTY,
     )
 
 

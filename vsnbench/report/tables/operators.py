@@ -8,18 +8,7 @@ from typing import Any
 
 from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.operators import OperatorActivity
-from vsnbench.report.tables.report_table import (
-    Column,
-    ReportTable,
-    count,
-    decimal,
-    of,
-    p_cell,
-    percent,
-    rate_cells,
-    row,
-    word,
-)
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, of, p_cell, percent, rate_cells, row
 from vsnbench.statistics.clustered import rate_interval
 
 
@@ -41,12 +30,12 @@ def operator_table(operator_activity: OperatorActivity) -> ReportTable:
         ),
         rows=tuple(
             row(
-                word(operator.name),
+                operator.name,
                 *rate_cells(operator.judged.proportion, rate_interval(operator.judged), 1),
                 p_cell(math.nan if operator.p is None else operator.p),
-                count(operator.overruled),
-                count(operator.interventions),
-                count(operator.sessions),
+                operator.overruled,
+                operator.interventions,
+                operator.sessions,
                 decimal(operator.hours, 2),
             )
             for operator in operator_activity.operators
@@ -77,15 +66,15 @@ def session_table(operator_activity: OperatorActivity) -> ReportTable:
         ),
         rows=tuple(
             row(
-                count(session.number),
-                word(session.operator),
+                session.number,
+                session.operator,
                 of(session.outcomes.proportion.successes, session.outcomes.proportion.trials),
                 percent(session.outcomes.proportion.rate, 1),
-                count(session.interventions),
-                word(f"{session.began_at:%Y-%m-%d %H:%M}"),
+                session.interventions,
+                f"{session.began_at:%Y-%m-%d %H:%M}",
                 decimal(session.hours, 2),
-                count(session.attempts),
-                word(session.robot),
+                session.attempts,
+                session.robot,
             )
             for session in operator_activity.sessions
         ),

@@ -6,7 +6,7 @@ from dataclasses import replace
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.tables.comparison import ranking_table
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, p_cell, row, word
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, p_cell, row
 
 
 def question_tables(questions: Sequence[Question]) -> list[ReportTable]:
@@ -28,14 +28,14 @@ def _pairs(question: Question, number: int) -> ReportTable:
         finding = "different" if rate.conclusion.names_winner else "no difference shown"
         rows.append(
             row(
-                word(comparison.first.name),
-                word(comparison.second.name),
+                comparison.first.name,
+                comparison.second.name,
                 of(mine.successes, mine.trials),
                 of(theirs.successes, theirs.trials),
                 decimal(100 * rate.difference, 1),
                 interval_percent(rate.interval, 1),
                 p_cell(rate.adjusted_p),
-                word(finding),
+                finding,
             )
         )
     left_out = f"Not compared: {'; '.join(question.not_compared)}." if question.not_compared else ""

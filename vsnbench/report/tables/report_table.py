@@ -78,19 +78,19 @@ class ReportTable:
                 )
 
 
-def row(*cells: Cell, total: bool = False) -> Row:
-    """Return a row of these cells."""
-    return Row(tuple(cells), total)
+EMPTY = Cell(UNKNOWN, -math.inf)
+"""A dash, which sorts first."""
 
 
-def word(text: str) -> Cell:
-    """Return a text cell."""
-    return Cell(text)
+def row(*values: Cell | str | int | None, total: bool = False) -> Row:
+    """Return a row of cells, texts and integers; None is a dash."""
+    return Row(tuple(value if isinstance(value, Cell) else _cell(value) for value in values), total)
 
 
-def count(number: int | None) -> Cell:
-    """Return a cell with an integer, or a dash for None."""
-    return Cell(UNKNOWN, -math.inf) if number is None else Cell(str(number), number)
+def _cell(value: str | int | None) -> Cell:
+    if value is None:
+        return EMPTY
+    return Cell(value) if isinstance(value, str) else Cell(str(value), value)
 
 
 def of(part: int, whole: int) -> Cell:
@@ -100,13 +100,13 @@ def of(part: int, whole: int) -> Cell:
 
 def decimal(number: float, places: int) -> Cell:
     """Return a cell with a fixed number of decimals, or a dash for NaN, which sorts first."""
-    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else Cell(UNKNOWN, -math.inf)
+    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else EMPTY
 
 
 def goal_distance(distance_m: float, success_distance_m: float | None) -> Cell:
     """Return a cell with a distance to the goal, rounded so that it stays on its side of the success distance."""
     if not math.isfinite(distance_m):
-        return Cell(UNKNOWN, -math.inf)
+        return EMPTY
     return Cell(distance_text(distance_m, success_distance_m), distance_m)
 
 
@@ -123,7 +123,7 @@ def p_cell(value: float) -> Cell:
 def interval_cell(interval: Interval, places: int, factor: int = 1) -> Cell:
     """Return a cell with an interval times a factor, sorted by its lower end; a dash if it is unknown."""
     if not interval.known:
-        return Cell(UNKNOWN, -math.inf)
+        return EMPTY
     return Cell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
 
 

@@ -5,17 +5,7 @@ from typing import Any
 
 from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.judgements import RaterAgreement
-from vsnbench.report.tables.report_table import (
-    Cell,
-    Column,
-    ReportTable,
-    count,
-    decimal,
-    interval_cell,
-    percent,
-    row,
-    word,
-)
+from vsnbench.report.tables.report_table import Cell, Column, ReportTable, decimal, interval_cell, percent, row
 from vsnbench.results.second_judgements import Outcome
 
 
@@ -43,13 +33,13 @@ def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
         )
         rows.append(
             row(
-                word(rater.rater),
-                count(found.items),
+                rater.rater,
+                found.items,
                 percent(found.same, 1),
                 decimal(found.kappa, 2),
                 interval_cell(found.interval, 2),
-                count(only_first),
-                count(only_second),
+                only_first,
+                only_second,
             )
         )
     return ReportTable(
@@ -85,12 +75,12 @@ def _differing_table(raters: Sequence[RaterAgreement]) -> ReportTable:
         rows=tuple(
             row(
                 Cell(str(differing.episode), differing.episode, links=(differing.episode,)),
-                word(rater.rater),
-                word(differing.goal),
-                count(differing.start),
-                word(differing.first),
-                word(differing.second),
-                word(differing.text),
+                rater.rater,
+                differing.goal,
+                differing.start,
+                differing.first,
+                differing.second,
+                differing.text,
             )
             for rater in raters
             for differing in rater.differing

@@ -1,17 +1,14 @@
 """Tables of real against simulated trials."""
 
-import math
 from collections.abc import Sequence
 
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     interval_cell,
     interval_percent,
@@ -20,7 +17,6 @@ from vsnbench.report.tables.report_table import (
     rate_cells,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.report.wording import listed
 from vsnbench.statistics.agreement import Agreement, RankCorrelation
@@ -65,17 +61,17 @@ def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
 def _real_row(pair: SimRealPair) -> Row:
     a, b = pair.first, pair.second
     return row(
-        word(pair.real.model),
-        word(listed(pair.goals)),
-        word(pair.real.name),
+        pair.real.model,
+        listed(pair.goals),
+        pair.real.name,
         *rate_cells(a.proportion, a.interval),
         of(a.episodes, a.planned),
-        word(pair.simulated.name),
+        pair.simulated.name,
         *rate_cells(b.proportion, b.interval),
         of(b.episodes, b.planned),
         decimal(100 * pair.difference, 2),
         interval_percent(pair.interval),
-        count(len(pair.pairing.outcomes.cells)) if pair.pairing else Cell(UNKNOWN, -1),
+        len(pair.pairing.outcomes.cells) if pair.pairing else EMPTY,
     )
 
 
@@ -121,11 +117,11 @@ def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
 
 
 def _agreement_row(pair: SimRealPair, like: Agreement, ranks: RankCorrelation) -> Row:
-    gain, unknown = pair.powered, Cell(UNKNOWN, -math.inf)
+    gain = pair.powered
     return row(
-        word(pair.real.name),
-        word(pair.simulated.name),
-        count(like.cells),
+        pair.real.name,
+        pair.simulated.name,
+        like.cells,
         decimal(100 * like.bias, 1),
         decimal(100 * like.error, 1),
         percent(like.same, 1),
@@ -142,6 +138,6 @@ def _agreement_row(pair: SimRealPair, like: Agreement, ranks: RankCorrelation) -
                 decimal(gain.saved, 1),
             )
             if gain
-            else (unknown,) * 6
+            else (EMPTY,) * 6
         ),
     )

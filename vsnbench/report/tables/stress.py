@@ -9,12 +9,10 @@ from vsnbench.report.analysis.fields import condition_fields, finite, interval_f
 from vsnbench.report.comparison.effects import EffectComparison
 from vsnbench.report.comparison.stress import Harm, Loss, StressedModel
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     interval_percent,
     of,
@@ -22,7 +20,6 @@ from vsnbench.report.tables.report_table import (
     percent,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.statistics.conclusion import Conclusion
 
@@ -77,14 +74,13 @@ def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
 
 def _undisturbed_row(model: StressedModel, measures: int) -> Row:
     total = model.undisturbed.total
-    empty = Cell(UNKNOWN, -1.0)
     return row(
-        word("undisturbed"),
-        empty,
-        word(""),
+        "undisturbed",
+        EMPTY,
+        "",
         of(total.successes, total.episodes),
         percent(total.success_rate, 1),
-        *[empty] * (4 + measures),
+        *[EMPTY] * (4 + measures),
     )
 
 
@@ -93,15 +89,15 @@ def _row(loss: Loss, measures: Sequence[str]) -> Row:
     disturbed = rate.compared[1]
     effects = {effect.measure: effect for effect in loss.effects}
     return row(
-        word(disturbance.name),
-        count(disturbance.severity),
-        word(f"{disturbance.value:g} {disturbance.kind.unit}"),
+        disturbance.name,
+        disturbance.severity,
+        f"{disturbance.value:g} {disturbance.kind.unit}",
         of(disturbed.successes, disturbed.trials),
         percent(disturbed.rate, 1),
         decimal(100 * rate.difference, 1),
         interval_percent(rate.interval, 1),
         p_cell(rate.adjusted_p),
-        *(decimal(effects[name].difference, 3) if name in effects else Cell(UNKNOWN, -1.0) for name in measures),
+        *(decimal(effects[name].difference, 3) if name in effects else EMPTY for name in measures),
         of(loss.changed, loss.matched),
     )
 

@@ -1,6 +1,5 @@
 """Tables of success by goal, starting position and end reason; stability and actions."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 from vsnbench.protocol.judge import EndReason
@@ -11,12 +10,10 @@ from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
 from vsnbench.report.tables.headline import headlines
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     goal_distance,
     interval_percent,
@@ -24,7 +21,6 @@ from vsnbench.report.tables.report_table import (
     percent,
     rate_cells,
     row,
-    word,
 )
 from vsnbench.report.wording import listed
 from vsnbench.results.goals import RecordedGoal
@@ -60,10 +56,10 @@ def overview_table(results: Results) -> ReportTable:
     rows = []
     for summary, headline in zip(results.conditions, shown.by_condition, strict=True):
         known = {goal.goal: goal.summary for goal in summary.goals}
-        cells = [percent(known[goal].success_rate, 0) if goal in known else Cell(UNKNOWN, -math.inf) for goal in goals]
+        cells = [percent(known[goal].success_rate, 0) if goal in known else EMPTY for goal in goals]
         total = headline.summary
-        rate = (percent(total.success_rate, 1), interval_percent(total.interval, 1), count(total.episodes))
-        rows.append(row(word(summary.condition.name), *cells, *rate))
+        rate = (percent(total.success_rate, 1), interval_percent(total.interval, 1), total.episodes)
+        rows.append(row(summary.condition.name, *cells, *rate))
     return ReportTable(
         name="overview",
         title="Success rate by goal, percent",
@@ -83,12 +79,12 @@ def overview_table(results: Results) -> ReportTable:
 def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
     success_m = summary.condition.success_distance_m
-    rows = [_summary_row(word(goal.title), goal.summary, success_m) for goal in summary.goals]
+    rows = [_summary_row(goal.title, goal.summary, success_m) for goal in summary.goals]
     totals = [(f"{kind.kind} goals", kind.summary) for kind in summary.kinds]
     totals.append(("all", summary.total))
     if summary.shared:
         totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
-    rows += [_summary_row(word(name), total, success_m, total=True) for name, total in totals]
+    rows += [_summary_row(name, total, success_m, total=True) for name, total in totals]
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
@@ -112,10 +108,7 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> Rep
             Column("hash", number=False, note="beginning of the SHA-256 of the goal's definition"),
         ),
         rows=tuple(
-            row(
-                *(word(text) for text in (name, goals[name].kind, goals[name].text, goals[name].target_text)),
-                word(goals[name].sha256[:12]),
-            )
+            row(name, goals[name].kind, goals[name].text, goals[name].target_text, goals[name].sha256[:12])
             for name in used
         ),
     )
@@ -129,7 +122,7 @@ def start_table(summary: ConditionSummary) -> ReportTable:
         title=f"{summary.condition.name}: success by starting position",
         columns=(Column("start"), *_COLUMNS),
         rows=tuple(
-            _summary_row(count(start.start), start.summary, summary.condition.success_distance_m)
+            _summary_row(start.start, start.summary, summary.condition.success_distance_m)
             for start in summary.starts
             if start.start > 0  # 0: an import without starting positions
         ),
@@ -142,18 +135,16 @@ def end_reason_table(results: Results) -> ReportTable:
     """Return the number of episodes by end reason and condition."""
     rows = [
         row(
-            word(summary.condition.name),
-            word(end.end_reason),
-            count(end.attempts),
-            count(end.counted),
+            summary.condition.name,
+            end.end_reason,
+            end.attempts,
+            end.counted,
             percent(end.counted / summary.total.episodes if end.counted else float("nan")),
-            word(
-                "result"
-                if end.end_reason in _RESULTS
-                else "void"
-                if summary.condition.kind == IMPORTED
-                else "void: run again"
-            ),
+            "result"
+            if end.end_reason in _RESULTS
+            else "void"
+            if summary.condition.kind == IMPORTED
+            else "void: run again",
         )
         for summary in results.conditions
         for end in summary.ends
@@ -211,14 +202,14 @@ def stability_table(robots: Sequence[RobotActivity]) -> ReportTable:
 def _stability_row(name: str, *robots: RobotActivity, total: bool = False) -> Row:
     metres, failures = sum(robot.path_m for robot in robots), sum(robot.failures for robot in robots)
     return row(
-        word(name),
+        name,
         decimal(sum(robot.driving_s for robot in robots) / 3600, 2),
         decimal(sum(robot.elapsed_s for robot in robots) / 3600, 2),
         decimal(metres / 1000, 2),
-        count(sum(robot.episodes for robot in robots)),
-        count(sum(robot.interventions for robot in robots)),
-        count(sum(robot.collisions for robot in robots)),
-        count(failures),
+        sum(robot.episodes for robot in robots),
+        sum(robot.interventions for robot in robots),
+        sum(robot.collisions for robot in robots),
+        failures,
         decimal(failures / metres * 1000 if metres > 0 else float("nan"), 2),
         total=total,
     )
@@ -232,10 +223,10 @@ def action_table(results: Results, actions: Sequence[ActionCount]) -> ReportTabl
         whole = sum(usage.steps for usage in mine)
         rows += [
             row(
-                word(summary.condition.name),
-                word(usage.raw_action),
-                word("blocked by the depth guard" if usage.blocked else usage.action),
-                count(usage.steps),
+                summary.condition.name,
+                usage.raw_action,
+                "blocked by the depth guard" if usage.blocked else usage.action,
+                usage.steps,
                 percent(usage.steps / whole),
             )
             for usage in sorted(mine, key=lambda usage: (-usage.steps, usage.raw_action))
@@ -293,7 +284,7 @@ def _caveats(total: Summary) -> list[str]:
     return notes
 
 
-def _summary_row(name: Cell, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
+def _summary_row(name: str | int, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
     return row(
         name,
         *rate_cells(summary.proportion, summary.interval),
@@ -303,9 +294,9 @@ def _summary_row(name: Cell, summary: Summary, success_m: float | None, *, total
         decimal(summary.soft_spl, 3),
         decimal(summary.sct, 3),
         goal_distance(summary.median_distance_m, success_m),
-        count(summary.collisions),
-        count(summary.limits),
+        summary.collisions,
+        summary.limits,
         of(summary.episodes, summary.planned),
-        count(summary.void),
+        summary.void,
         total=total,
     )
