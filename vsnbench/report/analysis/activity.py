@@ -1,7 +1,7 @@
 """Counts of the models' actions and of the robots' driving time, distance, failures and interventions."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +62,7 @@ class RobotActivity:
     failures: int
     collisions: int
     interventions: int
-    """As in `count_interventions`; 0 for simulated robots."""
+    """Actions of operators; 0 for simulated robots."""
 
     @property
     def failures_per_km(self) -> float:
@@ -150,22 +150,11 @@ def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]
         rows = record.episodes[record.episodes["campaign"].isin(mine) & (record.episodes["state"] != RUNNING)]
         if not rows.empty:
             aborted = () if simulated else rows.loc[rows["end_reason"] == EndReason.ABORTED.value, "episode"]
-            helped = rows["episode"].map(count_interventions(written, aborted)).sum()
+            # An aborted episode without an event counts as one intervention: an operator voided it later, or the
+            # record predates events. Otherwise only events count, so that an abort is not counted twice.
+            helped = rows["episode"].map(dict.fromkeys(aborted, 1) | written).sum()
             activity.append(_robot_activity(name, title, simulated=simulated, rows=rows, helped=int(helped)))
     return tuple(activity)
-
-
-def count_interventions(written: Mapping[int, int], aborted: Iterable[int]) -> dict[int, int]:
-    """Return the number of operator interventions by episode number.
-
-    An aborted episode without an event counts as one: an operator voided it later, or the record predates events.
-    Otherwise only events count, so that an abort is not counted twice.
-
-    Args:
-        written: number of `INTERVENTION` events by episode.
-        aborted: episodes of real robots whose current end reason is `aborted`.
-    """
-    return dict.fromkeys(aborted, 1) | dict(written)
 
 
 def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:

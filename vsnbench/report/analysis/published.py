@@ -120,7 +120,7 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         goals=tuple(GoalSummary(goal, summary) for goal, summary in summaries.items()),
         total=_sum([*summaries.values()]),
         shared=_sum([summaries[goal] for goal in shared]),
-        starts=(),
+        starts={},
         ends=(),
         shared_goals=shared,
     )

@@ -5,7 +5,7 @@ Void episodes are never included in the rates; every summary has the number of p
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -130,22 +130,6 @@ def goal_title(goal: str, kind: GoalKind) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class KindSummary:
-    """All goals of one kind under one condition."""
-
-    kind: GoalKind
-    summary: Summary
-
-
-@dataclass(frozen=True, slots=True)
-class StartSummary:
-    """One starting position under one condition, over all goals."""
-
-    start: int
-    summary: Summary
-
-
-@dataclass(frozen=True, slots=True)
 class EndCount:
     """Number of attempts with one end reason."""
 
@@ -164,11 +148,12 @@ class ConditionSummary:
     total: Summary
     shared: Summary | None
     """Total over `shared_goals`; None if it equals the total."""
-    starts: tuple[StartSummary, ...]
+    starts: Mapping[int, Summary]
+    """Starting position -> summary over all goals, in order; 0 for an import without starting positions."""
     ends: tuple[EndCount, ...]
     shared_goals: tuple[str, ...] = ()
     """Goals shared with comparable conditions (`comparability.shared_goals`), in the order of the tables."""
-    kinds: tuple[KindSummary, ...] = ()
+    kinds: Mapping[GoalKind, Summary] = field(default_factory=dict)
     """Totals by kind of goal; empty if all goals are of one kind."""
 
     @property
@@ -184,7 +169,7 @@ class ConditionSummary:
     @property
     def never_succeeding(self) -> tuple[int, ...]:
         """Starting positions with episodes but without success."""
-        return tuple(start.start for start in self.starts if start.summary.episodes and not start.summary.successes)
+        return tuple(start for start, summary in self.starts.items() if summary.episodes and not summary.successes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +233,7 @@ def _condition(
         GoalSummary(goal, _summary(by_goal.get(goal, none), int(trials_by_goal[goal]), on(goal)), kind_of(goal))
         for goal in sorted(trials_by_goal.index, key=goal_order)
     )
-    names_by_kind = {kind: [goal.goal for goal in goals if goal.kind is kind] for kind in GoalKind}
+    kinds = [kind for kind in GoalKind if kind in {goal.kind for goal in goals}]
 
     def total_of(goals: Collection[str]) -> Summary:
         trials = int(planned.loc[planned["goal"].isin(goals), "trials"].sum())
@@ -262,15 +247,15 @@ def _condition(
         goals=goals,
         total=_summary(episodes, int(planned["trials"].sum()), cells.outcomes()),
         shared=common,
-        starts=tuple(
-            StartSummary(start, _of_start(start, by_start.get(start, none), int(trials_by_start[start]), cells))
+        starts={
+            start: _of_start(start, by_start.get(start, none), int(trials_by_start[start]), cells)
             for start in sorted(trials_by_start.index.tolist())
-        ),
+        },
         ends=_ends(episodes),
         shared_goals=tuple(sorted(shared, key=goal_order)),
-        kinds=tuple(KindSummary(kind, total_of(names)) for kind, names in names_by_kind.items() if names)
-        if len({goal.kind for goal in goals}) > 1
-        else (),
+        kinds={kind: total_of([goal.goal for goal in goals if goal.kind is kind]) for kind in kinds}
+        if len(kinds) > 1
+        else {},
     )
 
 

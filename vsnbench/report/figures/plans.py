@@ -101,7 +101,7 @@ def success_maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Iterator[Dra
 
 def _places(site: Site, summary: ConditionSummary) -> dict[int, tuple[float, float]]:
     """Return the starting positions with completed trials, and their coordinates."""
-    done = {start.start for start in summary.starts if start.summary.episodes}
+    done = {number for number, own in summary.starts.items() if own.episodes}
     return {start.number: start.position for start in site.starts if start.number in done}
 
 
@@ -141,7 +141,7 @@ def _draw_shares(axes: "Axes", site: Site, condition_summary: ConditionSummary, 
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
-    rates = {start.start: start.summary for start in condition_summary.starts}
+    rates = condition_summary.starts
     places = _places(site, condition_summary)
     label = {number: f"{rates[number].successes}/{rates[number].episodes}" for number in places}
     label_xy = _label_positions(site, places, label, width_in)

@@ -94,11 +94,11 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         "goals": [
             {"goal": goal.goal, "kind": goal.kind.value, **summary_fields(goal.summary)} for goal in summary.goals
         ],
-        "goal_kinds": [{"kind": kind.kind.value, **summary_fields(kind.summary)} for kind in summary.kinds],
+        "goal_kinds": [{"kind": kind.value, **summary_fields(total)} for kind, total in summary.kinds.items()],
         "total": summary_fields(summary.total),
         "shared_goals": list(summary.shared_goals),
         "total_shared_goals": summary_fields(summary.shared) if summary.shared else None,
-        "starts": [{"start": start.start, **summary_fields(start.summary)} for start in summary.starts],
+        "starts": [{"start": start, **summary_fields(mine)} for start, mine in summary.starts.items()],
         "end_reasons": [asdict(end) for end in summary.ends],
         "actions": [
             {"raw_action": usage.raw_action, "action": usage.action, "blocked": usage.blocked, "steps": usage.steps}

@@ -80,7 +80,7 @@ def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
     success_m = summary.condition.success_distance_m
     rows = [_summary_row(goal.title, goal.summary, success_m) for goal in summary.goals]
-    totals = [(f"{kind.kind} goals", kind.summary) for kind in summary.kinds]
+    totals = [(f"{kind} goals", total) for kind, total in summary.kinds.items()]
     totals.append(("all", summary.total))
     if summary.shared:
         totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
@@ -122,9 +122,9 @@ def start_table(summary: ConditionSummary) -> ReportTable:
         title=f"{summary.condition.name}: success by starting position",
         columns=(Column("start"), *_COLUMNS),
         rows=tuple(
-            _summary_row(start.start, start.summary, summary.condition.success_distance_m)
-            for start in summary.starts
-            if start.start > 0  # 0: an import without starting positions
+            _summary_row(start, mine, summary.condition.success_distance_m)
+            for start, mine in summary.starts.items()
+            if start > 0
         ),
         notes=(f"Positions without a success: {listed(never)}.",) if summary.total.episodes else (),
         condition=summary.condition.number,
