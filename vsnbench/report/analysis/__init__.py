@@ -1,1 +1,1 @@
-"""Numbers of a report, computed from recorded episodes."""
+"""Numbers of a report, read from the record. Functions with an engine raise `RecordError` if it cannot be used."""

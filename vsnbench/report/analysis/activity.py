@@ -82,11 +82,7 @@ class Activity:
 
 
 def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:
-    """Count the actions of the counted episodes.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Count the actions of the counted episodes."""
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, selection)
         # A model can be recognized by its actions: blinded arms are left out.
@@ -128,11 +124,7 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
 
 
 def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]:
-    """Return the activity of each robot of a record, in the order of the robots.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the activity of each robot of a record, in the order of the robots."""
     campaigns = [campaign for condition in record.conditions for campaign in condition.campaigns]
     with record_errors(engine), engine.connect() as connection:
         robots = connection.execute(

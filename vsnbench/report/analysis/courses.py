@@ -84,11 +84,7 @@ def site_of(record: ReportData, condition: Condition) -> Site | None:
 
 
 def course_map(engine: Engine, record: ReportData, condition: Condition) -> CourseMap | None:
-    """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base."""
     with record_errors(engine), engine.connect() as connection:
         profile = connection.execute(
             select(Robot.profile)
@@ -135,9 +131,6 @@ def measure_courses(
     Returns:
         One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a summary of
         each condition with counted episodes.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     import pandas as pd
 
@@ -170,11 +163,7 @@ def _measured(
 
 
 def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
-    """Return the measures of one episode's course.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the measures of one episode's course."""
     episode, origin = details.summary, details.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
@@ -208,11 +197,7 @@ def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]
 
 
 def courses_of(engine: Engine, rows: "pd.DataFrame") -> Iterator[tuple[dict[str, Any], Course | None]]:
-    """Yield each row of episodes with its course; None without steps.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Yield each row of episodes with its course; None without steps."""
     for first in range(0, len(rows), _PART):
         part = rows.iloc[first : first + _PART].to_dict("records")
         courses = read_courses(engine, [int(row["episode"]) for row in part])
@@ -224,9 +209,6 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
     """Return the courses of some episodes, by number; none without steps.
 
     Poses in the site are used as recorded; without them odometry is added to the start pose.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(

@@ -109,11 +109,7 @@ class Codes:
 
     def of(self, *names: str) -> NDArray[np.bool_]:
         """Return which rows have one of these values."""
-        found = np.zeros(len(self.numbers), bool)
-        for name in names:
-            if name in self.names:
-                found |= self.numbers == self.names.index(name)
-        return found
+        return np.isin(self.numbers, [self.names.index(name) for name in names if name in self.names])
 
     def __getitem__(self, rows: Rows) -> "Codes":
         return Codes(self.numbers[rows], self.names)
@@ -183,11 +179,7 @@ def goal_order(goal: str) -> tuple[int, str]:
 def read_report_data(
     engine: Engine, selection: Selection | None = None, results_directory: Path | None = None
 ) -> ReportData:
-    """Read the data of a report.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Read the data of a report."""
     chosen = selection or Selection()
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, chosen)

@@ -95,9 +95,6 @@ def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
 
     An instance is in view if it is within the camera's field of view and no wall is in between. Furniture does not
     block the view.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     found = []
     for condition in record.conditions:
@@ -132,11 +129,7 @@ def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
 
 
 def failure_kinds(engine: Engine, record: ReportData, known: Collection[int] = ()) -> Iterator[tuple[int, FailureKind]]:
-    """Yield the kind of every counted failure, by episode; without those in `known`.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Yield the kind of every counted failure, by episode; without those in `known`."""
     for condition in record.conditions:
         rows = record.counted(condition)
         rows = rows[~rows["success"] & ~rows["episode"].isin(list(known))]

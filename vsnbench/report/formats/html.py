@@ -9,6 +9,8 @@ from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup, escape
+
 from vsnbench import __version__
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, Summary
@@ -23,7 +25,6 @@ from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from markupsafe import Markup
 
 MAX_EPISODES = 1000
 MAX_OPEN_PLANS = 2
@@ -73,8 +74,6 @@ def html_page(
         lead += f" Images: five frames from the first to the last{few}."
     if without := int((report.record.episodes["images_directory"] == "").sum()):
         lead += f" {without} episodes have no images."
-    from markupsafe import Markup
-
     listed_here = {episode["number"] for episode in episodes}
 
     def address(episode: int) -> str:
@@ -219,10 +218,8 @@ def _viewing(record: ReportData, episodes: Sequence[_Values]) -> str:
     return sanitize(f"vsnbench view {episodes[0]['number']}{where}")
 
 
-def _breakable(text: object) -> "Markup":
+def _breakable(text: object) -> Markup:
     """Allow line breaks within names such as `simulated_recall=0.4` at `_` and `=` only."""
-    from markupsafe import Markup, escape
-
     return Markup(re.sub(r"([_=])(?=\w)", r"\1<wbr>", str(escape(sanitize(str(text))))))  # noqa: S704 - escaped before
 
 
