@@ -1,1 +1,4 @@
-"""Numbers of a report, read from the record. Functions with an engine raise `RecordError` if it cannot be used."""
+"""Numbers of a report, computed from recorded episodes.
+
+Functions that take an engine raise `RecordError` if the database cannot be used.
+"""
