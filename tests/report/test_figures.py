@@ -5,7 +5,6 @@ import multiprocessing
 import os
 import re
 import signal
-from pathlib import Path
 
 import PIL.Image
 import pytest
@@ -27,11 +26,6 @@ from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
 from vsnbench.values.action import Action
 
 COMMENT = re.compile(r"<!-- (.*?) -->")
-
-
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
 
 
 def drawn(lab: Lab) -> tuple[Report, dict[str, Drawing]]:

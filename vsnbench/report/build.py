@@ -5,15 +5,28 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.report.analysis.activity import ActionCount, Activity, read_actions, read_robots
 from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.courses import measure_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
+from vsnbench.report.analysis.failures import read_failures
+from vsnbench.report.analysis.judgements import RaterAgreement, read_judgements, read_rater_agreements
+from vsnbench.report.analysis.operators import OperatorActivity, read_operator_activity
 from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.comparison.question import Question, questions
+from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
+from vsnbench.report.tables.operators import operator_table, session_table
+from vsnbench.report.tables.progress import progress_tables
+from vsnbench.report.tables.question import question_tables
+from vsnbench.report.tables.reference import paper_comparison_table, paper_stability_table
 from vsnbench.report.tables.report_table import ReportTable
+from vsnbench.report.tables.second_judgements import second_judgement_tables
+from vsnbench.report.tables.sensitivity import drift_table, failure_table, judgement_table, sensitivity_tables
+from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
 from vsnbench.report.tables.success import (
     action_table,
     definition_table,
@@ -27,12 +40,6 @@ from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import sanitize
 from vsnbench.text.suggestions import unknown_name
-
-if TYPE_CHECKING:  # a rates-only report does not need them, and importing them is slow
-    from vsnbench.report.analysis.activity import ActionCount, Activity
-    from vsnbench.report.analysis.judgements import RaterAgreement
-    from vsnbench.report.analysis.operators import OperatorActivity
-    from vsnbench.report.comparison.question import Question
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> ReportData:
@@ -81,56 +88,43 @@ class Report:
 
     record: ReportData
     results: Results
-    activity: "Activity | None" = None
+    activity: Activity | None = None
     """None if only the rates were requested."""
     reference: bool = False
     """Show the paper's results next to the recorded ones."""
-    questions: "tuple[Question, ...]" = ()
+    questions: tuple[Question, ...] = ()
     """Comparisons of models; empty if only the rates were requested."""
-    operator_activity: "OperatorActivity | None" = None
+    operator_activity: OperatorActivity | None = None
     """None without operators, or with one operator in one session."""
-    raters: "tuple[RaterAgreement, ...]" = ()
+    raters: tuple[RaterAgreement, ...] = ()
     """Agreement of blind second judgements with the verdicts."""
 
     def tables(self, *, long: bool = False) -> list[ReportTable]:
         """Return the tables in reading order; `long` adds the long ones."""
-        results = self.results
-        tables = self._question_tables()
+        results, activity = self.results, self.activity
+        tables = question_tables(self.questions)
         if len(results.conditions) > 1:
             tables.append(overview_table(results))
         tables += [goal_table(summary) for summary in results.conditions]
         if (defined := definition_table(self.record.goals, results)) is not None:
             tables.append(defined)
         if self.reference:
-            from vsnbench.report.tables.reference import paper_comparison_table
-
             tables.append(paper_comparison_table(results))
         tables += self._sim_vs_real_tables(long=long)
         if any(summary.ends for summary in results.conditions):
             tables.append(end_reason_table(results))
-        if self.activity:
-            tables.append(stability_table(self.activity.robots))
+        if activity:
+            tables.append(stability_table(activity.robots))
             if self.reference:
-                from vsnbench.report.tables.reference import paper_stability_table
-
                 tables.append(paper_stability_table())
-            if self.activity.actions:
-                tables.append(action_table(results, self.activity.actions))
-            from vsnbench.report.tables.progress import progress_tables
-            from vsnbench.report.tables.sensitivity import failure_table, judgement_table
-
-            failures = failure_table(results, self.activity.failures)
-            judgements = judgement_table(results, self.activity.judgements)
-            tables += [table for table in (failures, judgements) if table]
-            tables += progress_tables(self.record, results, self.activity)
-        if self.raters:
-            from vsnbench.report.tables.second_judgements import second_judgement_tables
-
-            tables += second_judgement_tables(self.raters)
+            if activity.actions:
+                tables.append(action_table(results, activity.actions))
+            found = (failure_table(results, activity.failures), judgement_table(results, activity.judgements))
+            tables += [table for table in found if table]
+            tables += progress_tables(self.record, results, activity)
+        tables += second_judgement_tables(self.raters)
         tables += self._operator_tables(long=long)
         if long:
-            from vsnbench.report.tables.sensitivity import sensitivity_tables
-
             tables += sensitivity_tables(self.record, results)
             tables += [start_table(summary) for summary in results.conditions]
         return tables
@@ -138,9 +132,6 @@ class Report:
     def _operator_tables(self, *, long: bool) -> list[ReportTable]:
         if self.operator_activity is None:
             return []
-        from vsnbench.report.tables.operators import operator_table, session_table
-        from vsnbench.report.tables.sensitivity import drift_table
-
         tables = [operator_table(self.operator_activity)]
         if self.operator_activity.sessions:
             tables.append(session_table(self.operator_activity))
@@ -148,20 +139,8 @@ class Report:
             tables.append(over_time)
         return tables
 
-    def _question_tables(self) -> list[ReportTable]:
-        if not self.questions:
-            return []
-        from vsnbench.report.tables.question import question_tables
-
-        return question_tables(self.questions)
-
     def _sim_vs_real_tables(self, *, long: bool) -> list[ReportTable]:
         """Return the tables that compare simulated and real trials, if both exist."""
-        if len({summary.condition.simulated for summary in self.results.conditions}) < 2:
-            return []
-        from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
-        from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
-
         found = sim_real_pairs(self.results)
         tables = (sim_vs_real_table(found), cell_agreement_table(found) if long else None)
         return [table for table in tables if table]
@@ -192,28 +171,22 @@ def build(
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
     """
-    from vsnbench.report.analysis.judgements import read_rater_agreements
-
     if not activity:
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             # Most records have no operators: skip the query for them.
-            operator_activity = _attended(engine, record) if record.episodes["session"].nunique() > 1 else None
+            operator_activity = (
+                read_operator_activity(engine, record) if record.episodes["session"].nunique() > 1 else None
+            )
             raters = read_rater_agreements(engine, record)
         results = summarise(record)
         return Report(record, results, reference=reference, operator_activity=operator_activity, raters=raters)
-    from vsnbench.report.analysis.activity import Activity, read_robots
-    from vsnbench.report.analysis.courses import measure_courses
-    from vsnbench.report.analysis.failures import read_failures
-    from vsnbench.report.analysis.judgements import read_judgements
-    from vsnbench.report.comparison.question import questions
-
     with nullcontext(executor) if executor else ThreadPoolExecutor(1) as counter:
         # Submitted before the record is opened, because a forked process must not inherit the connection.
         counting = counter.submit(_actions, url, selection)
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
-            operator_activity, results = _attended(engine, record), summarise(record)
+            results = summarise(record)
             measured, courses = measure_courses(engine, record)
             record = replace(record, courses=measured)
             report = Report(
@@ -221,7 +194,7 @@ def build(
                 results,
                 reference=reference,
                 questions=questions(record, results),
-                operator_activity=operator_activity,
+                operator_activity=read_operator_activity(engine, record),
                 raters=read_rater_agreements(engine, record),
             )
             robots = read_robots(engine, record)
@@ -231,14 +204,6 @@ def build(
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 
-def _attended(engine: Engine, record: ReportData) -> "OperatorActivity | None":
-    from vsnbench.report.analysis.operators import read_operator_activity
-
-    return read_operator_activity(engine, record)
-
-
-def _actions(url: str, selection: Selection) -> "tuple[ActionCount, ...]":
-    from vsnbench.report.analysis.activity import read_actions
-
+def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
     with open_record(url) as engine:
         return read_actions(engine, selection)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from vsnbench.files.atomic import write_atomic
 from vsnbench.report.build import Report
-from vsnbench.report.figures.style import COLUMN_IN, Drawing
+from vsnbench.report.figures.style import Drawing
 from vsnbench.report.formats.csv import to_csv
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
@@ -25,8 +25,7 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
     """
     tables = report.tables(long=True)
     figures = [
-        (f"figures/{drawing.name}.pdf", drawing.width_in > 1.2 * COLUMN_IN, f"{drawing.title}. {drawing.caption}")
-        for drawing in drawings
+        (f"figures/{drawing.name}.pdf", drawing.is_wide, f"{drawing.title}. {drawing.caption}") for drawing in drawings
     ]
     files: dict[str, bytes] = {
         "report.html": html_page(report, tables, drawings).encode(),

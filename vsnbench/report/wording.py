@@ -6,11 +6,6 @@ from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.statistics.rates import Interval
 from vsnbench.text.sanitize import counted
 
-TEST_ALONE = "the test rejects equality, but the interval includes 0"
-TEST_ALONE_MARGIN = "the test rejects equality, but the interval includes differences within the margin"
-INTERVAL_ALONE = "the interval excludes 0, but the test does not reject equality"
-INTERVAL_ALONE_MARGIN = "the interval excludes the margin, but the test does not reject equality"
-
 
 def caution(conclusion: Conclusion, margin: float = 0.0) -> str:
     """Return why no winner is named if only the test or only the interval would name one, or an empty string.
@@ -20,9 +15,10 @@ def caution(conclusion: Conclusion, margin: float = 0.0) -> str:
         margin: difference that a winner must exceed.
     """
     if conclusion is Conclusion.TEST_ONLY:
-        return TEST_ALONE_MARGIN if margin else TEST_ALONE
+        included = "differences within the margin" if margin else "0"
+        return f"the test rejects equality, but the interval includes {included}"
     if conclusion is Conclusion.INTERVAL_ONLY:
-        return INTERVAL_ALONE_MARGIN if margin else INTERVAL_ALONE
+        return f"the interval excludes {'the margin' if margin else '0'}, but the test does not reject equality"
     return ""
 
 

@@ -109,8 +109,7 @@ few as 87 % of experiments and excludes 0 in up to 12 % of those without a diffe
 
 def units_of(outcomes: Outcomes) -> int:
     """Return the number of independent units: clusters, or the cells of a single cluster."""
-    clusters = len({cell.cluster for cell in outcomes.cells})
-    return clusters if clusters > 1 else len(outcomes.cells)
+    return outcomes.clusters if outcomes.clusters > 1 else len(outcomes.cells)
 
 
 def rate_interval(outcomes: Outcomes, confidence: float = CONFIDENCE) -> Interval:

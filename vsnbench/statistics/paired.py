@@ -15,6 +15,7 @@ import numpy as np
 from vsnbench.statistics.clustered import (
     MIN_UNITS,
     Cell,
+    EffectiveSample,
     Outcomes,
     arrays,
     effective_sample,
@@ -85,23 +86,18 @@ def paired_interval(outcomes: PairedOutcomes, confidence: float = CONFIDENCE) ->
         return UNKNOWN
     first = effective_sample(outcomes.first, by_cell=True)
     second = effective_sample(outcomes.second, by_cell=True)
+    correlation = _correlation(outcomes, first, second)
     return difference_interval(
-        first.rate,
-        first.interval(confidence),
-        second.rate,
-        second.interval(confidence),
-        _correlation(outcomes),
+        first.rate, first.interval(confidence), second.rate, second.interval(confidence), correlation
     )
 
 
-def _correlation(outcomes: PairedOutcomes) -> float:
+def _correlation(outcomes: PairedOutcomes, first: EffectiveSample, second: EffectiveSample) -> float:
     """Return the correlation of the two rates, shrunk towards 0 as in Newcombe's method 10.
 
     It is computed from the variances of the rates and of their difference, each the larger of the values from cells and
     clusters. With one episode per cell it is the phi coefficient.
     """
-    first = effective_sample(outcomes.first, by_cell=True)
-    second = effective_sample(outcomes.second, by_cell=True)
     product = first.variance * second.variance
     if product <= 0:
         return 0.0

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -116,8 +117,6 @@ def exchange_models(rates: npt.ArrayLike) -> float:
     Args:
         rates: (clusters, models) sum of the rates of a cluster's cells for each model.
     """
-    from itertools import permutations, product
-
     rows = np.asarray(rates, np.float64)
     rows = rows[np.ptp(rows, axis=1) > _TIE]  # rows in which all models are equal do not change the statistic
     if not len(rows):

@@ -7,6 +7,7 @@ those of its parts; Fisher. For several episodes per starting position use `vsnb
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -76,11 +77,10 @@ def wilson_at(rate: float, trials: float, confidence: float = CONFIDENCE, freedo
         confidence: confidence level.
         freedom: degrees of freedom of Student's t; infinite for the normal distribution.
     """
-    from statistics import NormalDist
-
-    quantile = NormalDist().inv_cdf(0.5 + confidence / 2)  # importing scipy.stats is slow
     if math.isfinite(freedom):
         quantile = student_quantile(freedom, 0.5 + confidence / 2)
+    else:
+        quantile = NormalDist().inv_cdf(0.5 + confidence / 2)
     square = quantile * quantile / trials
     centre = (rate + square / 2) / (1 + square)
     reach = math.sqrt(rate * (1 - rate) * square + square * square / 4) / (1 + square)

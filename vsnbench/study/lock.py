@@ -125,15 +125,9 @@ def check_amendment(before: StudyFile, after: StudyFile) -> None:
     Raises:
         StudyError: a frozen field was changed.
     """
-    changed = changed_fields(before, after, FROZEN)
+    changed = [name for name in FROZEN if getattr(before, name) != getattr(after, name)]
     if changed:
-        names = ", ".join(changed)
         raise StudyError(
-            f"{names}: fields that determine the schedule cannot be amended; restore them, and lock a new study for "
-            "another plan"
+            f"{', '.join(changed)}: fields that determine the schedule cannot be amended; restore them, and lock a new "
+            "study for another plan"
         )
-
-
-def changed_fields(before: StudyFile, after: StudyFile, among: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of those fields that differ."""
-    return tuple(name for name in among if getattr(before, name) != getattr(after, name))

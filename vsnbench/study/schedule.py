@@ -80,15 +80,7 @@ def schedules_of(
     """Return all schedules that a lock of this study can have; the currently drawn one is first.
 
     Earlier versions drew all studies with `order: blocks` in random order of all blocks, and an amendment may change
-    the stopping rule but not the schedule.
-
-    Args:
-        study: the plan.
-        starts: numbers of its starting positions.
-        excluded: excluded combinations of goal and starting position (`Site.excluded`).
-
-    Raises:
-        StudyError: all combinations of the shared goals are excluded.
+    the stopping rule but not the schedule. Arguments and errors are those of `draw_schedule`.
     """
     if study.order != "blocks":
         return (draw_schedule(study, starts, excluded),)

@@ -65,12 +65,6 @@ class Decision:
     """Kind of unit: block or starting position."""
     planned_units: int = 0
 
-    @property
-    def remaining(self) -> frozenset[str]:
-        """Compared arms that have not been beaten."""
-        asked = {name for question in self.questions for name in (question.first, question.second) if name}
-        return frozenset(asked - set(self.dropped))
-
 
 @dataclass(slots=True)
 class _SequentialTest:

@@ -306,7 +306,8 @@ def test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again(lab:
         assert lab("lock").code == 0
         lock_file.write_bytes(Path("first.yaml.lock").read_bytes())
     elif fault == "of another record":
-        other = {name: "1" + locked[name][1:] for name in ("study", "sha256", "event_sha256")}
+        changed = ("study", "sha256", "event_sha256")
+        other = {name: ("2" if locked[name][0] == "1" else "1") + locked[name][1:] for name in changed}
         lock_file.write_text(json.dumps(locked | other))
     else:
         lock_file.write_text(json.dumps({name: locked[name] for name in ("study", "sha256", "locked_at", "database")}))

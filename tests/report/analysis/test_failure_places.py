@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -16,11 +15,6 @@ from vsnbench.report.build import build, read
 from vsnbench.report.figures.choose import drawings
 from vsnbench.report.formats.html import html_page
 from vsnbench.values.pose import Pose
-
-
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
 
 
 def in_view_of_the_bed(lab: Lab) -> Pose:

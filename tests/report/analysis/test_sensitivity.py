@@ -25,11 +25,6 @@ from vsnbench.values.pose import Pose
 STARTS = range(1, 16)
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
-
-
 def only(lab: Lab) -> tuple[ReportData, ConditionSummary]:
     record = read(lab.url, Selection())
     (one,) = summarise(record).conditions

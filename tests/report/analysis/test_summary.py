@@ -23,11 +23,6 @@ from vsnbench.values.action import Action
 from vsnbench.values.step import StepRecord, StepTimings
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
-
-
 def results_of(lab: Lab, **selection: object) -> Results:
     return summarise(read(lab.url, Selection(**selection)))  # type: ignore[arg-type]
 

@@ -25,11 +25,6 @@ GOALS = ("chair", "bed")
 STARTS = range(1, 16)
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
-
-
 def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: object) -> None:
     """Write an attempt for each cell; those in `successes` succeed."""
     cells = [(goal, start) for goal in GOALS for start in STARTS]

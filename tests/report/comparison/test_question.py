@@ -1,9 +1,5 @@
 """The question of a report, answered for comparable models as far as trials allow."""
 
-from pathlib import Path
-
-import pytest
-
 from tests.report.records import Attempt, Lab
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
@@ -13,11 +9,6 @@ from vsnbench.report.tables.question import question_tables
 from vsnbench.results.writing.campaigns import PlannedTrial
 
 STARTS = range(1, 16)
-
-
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
 
 
 def succeed(lab: Lab, model: str, successes: int, **facts: object) -> None:

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.study.studies import small_study
-from vsnbench.report.study.primary import analyse, conclusion, in_order
+from vsnbench.report.study.conclusion import conclusion
+from vsnbench.report.study.primary import analyse, in_order
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.lifecycle import EpisodeState

@@ -1,9 +1,5 @@
 """Comparison with the paper's results covers only the same goals."""
 
-from pathlib import Path
-
-import pytest
-
 from tests.report.records import Attempt, Lab
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
@@ -15,11 +11,6 @@ from vsnbench.report.tables.report_table import UNKNOWN
 def rows_of(lab: Lab) -> dict[tuple[str, str], list[str]]:
     table = paper_comparison_table(summarise(read(lab.url, Selection())))
     return {(row.cells[0].text, row.cells[2].text): [cell.text for cell in row.cells] for row in table.rows}
-
-
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    return Lab(tmp_path)
 
 
 def test_a_mean_over_three_goals_is_not_laid_beside_one_over_five(lab: Lab) -> None:

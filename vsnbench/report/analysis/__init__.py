@@ -1,1 +1,4 @@
-"""Numbers of a report, computed from recorded episodes."""
+"""Numbers of a report, computed from recorded episodes.
+
+Functions that take an engine raise `RecordError` if the database cannot be used.
+"""

@@ -1,7 +1,7 @@
 """Counts of the models' actions and of the robots' driving time, distance, failures and interventions."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +62,7 @@ class RobotActivity:
     failures: int
     collisions: int
     interventions: int
-    """As in `count_interventions`; 0 for simulated robots."""
+    """Actions of operators; 0 for simulated robots."""
 
     @property
     def failures_per_km(self) -> float:
@@ -82,11 +82,7 @@ class Activity:
 
 
 def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:
-    """Count the actions of the counted episodes.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Count the actions of the counted episodes."""
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, selection)
         # A model can be recognized by its actions: blinded arms are left out.
@@ -128,11 +124,7 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
 
 
 def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]:
-    """Return the activity of each robot of a record, in the order of the robots.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the activity of each robot of a record, in the order of the robots."""
     campaigns = [campaign for condition in record.conditions for campaign in condition.campaigns]
     with record_errors(engine), engine.connect() as connection:
         robots = connection.execute(
@@ -150,22 +142,11 @@ def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]
         rows = record.episodes[record.episodes["campaign"].isin(mine) & (record.episodes["state"] != RUNNING)]
         if not rows.empty:
             aborted = () if simulated else rows.loc[rows["end_reason"] == EndReason.ABORTED.value, "episode"]
-            helped = rows["episode"].map(count_interventions(written, aborted)).sum()
+            # An aborted episode without an event counts as one intervention: an operator voided it later, or the
+            # record predates events. Otherwise only events count, so that an abort is not counted twice.
+            helped = rows["episode"].map(dict.fromkeys(aborted, 1) | written).sum()
             activity.append(_robot_activity(name, title, simulated=simulated, rows=rows, helped=int(helped)))
     return tuple(activity)
-
-
-def count_interventions(written: Mapping[int, int], aborted: Iterable[int]) -> dict[int, int]:
-    """Return the number of operator interventions by episode number.
-
-    An aborted episode without an event counts as one: an operator voided it later, or the record predates events.
-    Otherwise only events count, so that an abort is not counted twice.
-
-    Args:
-        written: number of `INTERVENTION` events by episode.
-        aborted: episodes of real robots whose current end reason is `aborted`.
-    """
-    return dict.fromkeys(aborted, 1) | dict(written)
 
 
 def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:

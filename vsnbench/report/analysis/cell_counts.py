@@ -3,29 +3,29 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
+from vsnbench.report.analysis.episodes_frame import Integers, Rows
 from vsnbench.statistics.clustered import Cell, Outcomes
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
-
-    from vsnbench.report.analysis.episodes_frame import Integers, Rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellCounts:
     """Successes and trials by cell, ordered by goal and starting position."""
 
-    goals: "Integers"
+    goals: Integers
     """Codes of the goals."""
-    starts: "Integers"
+    starts: Integers
     """An episode with unknown position is a cell of its own, with its negative number."""
-    successes: "Integers"
-    trials: "Integers"
+    successes: Integers
+    trials: Integers
 
     @classmethod
-    def of(cls, goals: "Integers", starts: "Integers", episodes: "Integers", success: "NDArray[np.bool_]") -> Self:
+    def of(cls, goals: Integers, starts: Integers, episodes: Integers, success: NDArray[np.bool_]) -> Self:
         """Count the outcomes of counted episodes.
 
         Args:
@@ -34,8 +34,6 @@ class CellCounts:
             episodes: (episodes,) number of the episode.
             success: (episodes,) whether it succeeded.
         """
-        import numpy as np
-
         places = np.where(starts > 0, starts, -episodes)
         order = np.lexsort((places, goals))
         goals, places, success = goals[order].astype(np.int64), places[order], success[order]
@@ -47,7 +45,7 @@ class CellCounts:
         successes = np.add.reduceat(success.astype(np.int64), begins)
         return cls(goals[begins], places[begins], successes, np.diff(begins, append=len(order)))
 
-    def outcomes(self, cells: "Rows" = slice(None), *, by_goal: bool = False) -> Outcomes:
+    def outcomes(self, cells: Rows = slice(None), *, by_goal: bool = False) -> Outcomes:
         """Return the outcomes of some cells.
 
         Args:
@@ -61,8 +59,6 @@ class CellCounts:
 
 def outcomes_of(episodes: "pd.DataFrame") -> Outcomes:
     """Return the outcomes by cell of counted rows of `ReportData.episodes`; clusters are starting positions."""
-    import numpy as np
-
     goals = episodes["goal"].cat.codes.to_numpy()
     starts, numbers = (episodes[name].to_numpy(np.int64) for name in ("start", "episode"))
     return CellCounts.of(goals, starts, numbers, episodes["success"].to_numpy(bool)).outcomes()

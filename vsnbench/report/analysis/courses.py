@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
+from vsnbench.protocol.course import CourseMap, Stage
+from vsnbench.protocol.metrics import heading_change_deg_per_m
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.reading.rows import EpisodeDetails
@@ -19,8 +21,6 @@ from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from vsnbench.protocol.course import CourseMap, Stage
 
 MAX_EXAMINED = 1000
 """Maximum number of episodes examined in a report; each takes some 4 ms."""
@@ -47,7 +47,7 @@ class Course:
 class CourseMeasures:
     """Measures of one course; None if unknown."""
 
-    stage: "Stage | None"
+    stage: Stage | None
     """Furthest stage."""
     clearance_min_m: float | None
     """Smallest distance from the base's edge to a solid of the map."""
@@ -64,7 +64,7 @@ class CourseSummary:
     counted: int
     examined: int
     """Number of examined episodes, evenly sampled."""
-    stages: tuple[tuple["Stage", int], ...]
+    stages: tuple[tuple[Stage, int], ...]
     """Number of examined episodes by furthest stage, in order; episodes of unknown stage are in none."""
     clearance_min_m: float
     """Mean of the episodes' minimum clearances."""
@@ -83,12 +83,8 @@ def site_of(record: ReportData, condition: Condition) -> Site | None:
         return None
 
 
-def course_map(engine: Engine, record: ReportData, condition: Condition) -> "CourseMap | None":
-    """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+def course_map(engine: Engine, record: ReportData, condition: Condition) -> CourseMap | None:
+    """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base."""
     with record_errors(engine), engine.connect() as connection:
         profile = connection.execute(
             select(Robot.profile)
@@ -100,8 +96,7 @@ def course_map(engine: Engine, record: ReportData, condition: Condition) -> "Cou
 
 def _map_of(
     site: Mapping[str, Any] | None, profile: Mapping[str, Any] | None, protocol: Mapping[str, Any] | None
-) -> "CourseMap | None":
-    from vsnbench.protocol.course import CourseMap
+) -> CourseMap | None:
     from vsnbench.protocol.parameters import ProtocolParameters
 
     radius_m = _positive((profile or {}).get("base"), "radius_m")
@@ -136,9 +131,6 @@ def measure_courses(
     Returns:
         One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a summary of
         each condition with counted episodes.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     import pandas as pd
 
@@ -171,11 +163,7 @@ def _measured(
 
 
 def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
-    """Return the measures of one episode's course.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the measures of one episode's course."""
     episode, origin = details.summary, details.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
@@ -184,11 +172,8 @@ def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
 
 
 def _measure(
-    ground: "CourseMap | None", goal: str, course: Course | None, path_m: float, succeeded: bool
+    ground: CourseMap | None, goal: str, course: Course | None, path_m: float, succeeded: bool
 ) -> CourseMeasures:
-    from vsnbench.protocol.course import Stage
-    from vsnbench.protocol.metrics import heading_change_deg_per_m
-
     poses = course.poses if course else ()
     approach = ground.approach(goal, poses) if ground else None
     clearance = ground.clearance(poses) if ground else None
@@ -201,8 +186,6 @@ def _measure(
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> CourseSummary:
-    from vsnbench.protocol.course import Stage
-
     stages = Counter(line[1] for line in lines)
     means = []
     for column in range(2, 2 + len(MEASURES)):
@@ -214,11 +197,7 @@ def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]
 
 
 def courses_of(engine: Engine, rows: "pd.DataFrame") -> Iterator[tuple[dict[str, Any], Course | None]]:
-    """Yield each row of episodes with its course; None without steps.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Yield each row of episodes with its course; None without steps."""
     for first in range(0, len(rows), _PART):
         part = rows.iloc[first : first + _PART].to_dict("records")
         courses = read_courses(engine, [int(row["episode"]) for row in part])
@@ -230,9 +209,6 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
     """Return the courses of some episodes, by number; none without steps.
 
     Poses in the site are used as recorded; without them odometry is added to the start pose.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(

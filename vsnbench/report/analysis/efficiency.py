@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from sqlalchemy import Connection, func, select
 
 from vsnbench.report.analysis.conditions import Condition
@@ -40,8 +41,6 @@ def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
 
 def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition], connection: Connection) -> "pd.DataFrame":
     """Add the columns `thinking_s` and `sct`."""
-    import numpy as np
-
     speeds = {condition.number: condition.max_linear_m_s for condition in conditions}
     real = [condition for condition in conditions if not condition.simulated]
     # The time that a model thinks would reveal it in a blinded study.

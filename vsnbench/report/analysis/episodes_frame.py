@@ -6,8 +6,10 @@ A row takes about 200 bytes. Steps (10 million in a large record) stay in the da
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
 
@@ -32,13 +34,11 @@ from vsnbench.results.schema.tables import Episode, Trial
 from vsnbench.sites.categories import GOAL_CATEGORIES
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
-    Integers: TypeAlias = NDArray[np.integer[Any]]
-    Floats: TypeAlias = NDArray[np.float64]
-    Rows: TypeAlias = NDArray[np.bool_] | Integers | slice
+Integers = NDArray[np.integer[Any]]
+Floats = NDArray[np.float64]
+Rows = NDArray[np.bool_] | Integers | slice
 
 COLUMNS: dict[str, str] = {
     "episode": "number of the episode",
@@ -104,20 +104,14 @@ class ReportData:
 class Codes:
     """A categorical column as integer codes."""
 
-    numbers: "Integers"
+    numbers: Integers
     names: Sequence[str]
 
-    def of(self, *names: str) -> "NDArray[np.bool_]":
+    def of(self, *names: str) -> NDArray[np.bool_]:
         """Return which rows have one of these values."""
-        import numpy as np
+        return np.isin(self.numbers, [self.names.index(name) for name in names if name in self.names])
 
-        found = np.zeros(len(self.numbers), bool)
-        for name in names:
-            if name in self.names:
-                found |= self.numbers == self.names.index(name)
-        return found
-
-    def __getitem__(self, rows: "Rows") -> "Codes":
+    def __getitem__(self, rows: Rows) -> "Codes":
         return Codes(self.numbers[rows], self.names)
 
 
@@ -125,22 +119,22 @@ class Codes:
 class EpisodeColumns:
     """Columns of `ReportData.episodes` as arrays with one entry per episode."""
 
-    episode: "Integers"
-    condition: "Integers"
+    episode: Integers
+    condition: Integers
     goal: Codes
-    start: "Integers"
+    start: Integers
     state: Codes
     end_reason: Codes
-    success: "NDArray[np.bool_]"
-    actions: "Integers"
-    spl: "Floats"
-    soft_spl: "Floats"
-    progress: "Floats"
-    sct: "Floats"
-    duration_s: "Floats"
-    thinking_s: "Floats"
-    distance_m: "Floats"
-    shortest_m: "Floats"
+    success: NDArray[np.bool_]
+    actions: Integers
+    spl: Floats
+    soft_spl: Floats
+    progress: Floats
+    sct: Floats
+    duration_s: Floats
+    thinking_s: Floats
+    distance_m: Floats
+    shortest_m: Floats
 
     @classmethod
     def of(cls, episodes: "pd.DataFrame") -> Self:
@@ -154,17 +148,15 @@ class EpisodeColumns:
 
         return cls(*(column(name) for name in cls.__slots__))
 
-    def __getitem__(self, rows: "Rows") -> Self:
+    def __getitem__(self, rows: Rows) -> Self:
         return type(self)(*(getattr(self, name)[rows] for name in self.__slots__))
 
-    def by(self, numbers: "Integers") -> "Iterator[tuple[int, EpisodeColumns]]":
+    def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
         """Yield each number and its episodes, in the order of the rows.
 
         Args:
             numbers: (episodes,) group of each episode.
         """
-        import numpy as np
-
         order = np.argsort(numbers, kind="stable")
         values, begins = np.unique(numbers[order], return_index=True)
         for value, rows in zip(values.tolist(), np.split(order, begins[1:]), strict=False):
@@ -187,11 +179,7 @@ def goal_order(goal: str) -> tuple[int, str]:
 def read_report_data(
     engine: Engine, selection: Selection | None = None, results_directory: Path | None = None
 ) -> ReportData:
-    """Read the data of a report.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Read the data of a report."""
     chosen = selection or Selection()
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, chosen)
@@ -280,7 +268,6 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
 
 def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFrame":
     """Add the derived columns, in the order and with the types of `COLUMNS`."""
-    import numpy as np
     import pandas as pd
 
     for name in ("goal", "end_reason"):
@@ -295,7 +282,6 @@ def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFr
 
 def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
     """Convert the driver's values to the types of `COLUMNS`, column by column for speed."""
-    import numpy as np
     import pandas as pd
 
     typed: dict[str, Any] = {}
@@ -313,7 +299,6 @@ def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
 
 
 def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
-    import numpy as np
     import pandas as pd
 
     rows = connection.execute(
@@ -328,8 +313,6 @@ def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[in
 
 def _grouped(frame: "pd.DataFrame") -> "pd.DataFrame":
     """Return the planned trials by condition, goal and start."""
-    import numpy as np
-
     grouped = frame.groupby(["condition", "goal", "start"], observed=True)["trials"].sum().reset_index()
     for name in ("start", "trials"):
         grouped[name] = grouped[name].astype(np.int64)

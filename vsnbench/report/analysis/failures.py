@@ -6,18 +6,17 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from sqlalchemy import Engine
 
+from vsnbench.protocol.course import Approach, CourseMap
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.courses import Course, course_map, courses_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.values.pose import wrap_angle
-
-if TYPE_CHECKING:
-    from vsnbench.protocol.course import Approach, CourseMap
 
 MAX_FAILURES = 100
 """Maximum number of failures examined per condition, evenly sampled."""
@@ -96,9 +95,6 @@ def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
 
     An instance is in view if it is within the camera's field of view and no wall is in between. Furniture does not
     block the view.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     found = []
     for condition in record.conditions:
@@ -133,11 +129,7 @@ def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
 
 
 def failure_kinds(engine: Engine, record: ReportData, known: Collection[int] = ()) -> Iterator[tuple[int, FailureKind]]:
-    """Yield the kind of every counted failure, by episode; without those in `known`.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Yield the kind of every counted failure, by episode; without those in `known`."""
     for condition in record.conditions:
         rows = record.counted(condition)
         rows = rows[~rows["success"] & ~rows["episode"].isin(list(known))]
@@ -170,11 +162,11 @@ def failure_places(failures: Sequence[Failure]) -> tuple[FailurePlace, ...]:
     return tuple(sorted(places, key=lambda place: (-len(place.episodes), place.episodes)))
 
 
-def _approach(ground: "CourseMap | None", row: Any, course: Course | None) -> "Approach | None":
+def _approach(ground: CourseMap | None, row: Any, course: Course | None) -> Approach | None:
     return ground.approach(str(row["goal"]), course.poses) if ground and course else None
 
 
-def _failure(condition: Condition, row: Any, course: Course | None, approach: "Approach | None") -> Failure:
+def _failure(condition: Condition, row: Any, course: Course | None, approach: Approach | None) -> Failure:
     kind = _kind(row, course, approach, condition.success_distance_m or 1.0)
     place = None
     if course and course.poses:
@@ -185,17 +177,15 @@ def _failure(condition: Condition, row: Any, course: Course | None, approach: "A
     return Failure(int(row["episode"]), kind, place)
 
 
-def _nearest(approach: "Approach") -> int:
+def _nearest(approach: Approach) -> int:
     """Return the index of the pose nearest to the goal, among those with the goal in view if there are any."""
-    import numpy as np
-
     remaining_m = approach.remaining_m
     if approach.in_view is not None and approach.in_view.any():
         remaining_m = np.where(approach.in_view, remaining_m, np.inf)
     return int(np.argmin(remaining_m))
 
 
-def _kind(row: Any, course: Course | None, approach: "Approach | None", within_m: float) -> FailureKind:
+def _kind(row: Any, course: Course | None, approach: Approach | None, within_m: float) -> FailureKind:
     if row["end_reason"] == EndReason.COLLISION.value:
         return FailureKind.COLLISION
     if row["end_reason"] == EndReason.STOP.value:

@@ -5,6 +5,13 @@ from typing import Any
 
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.summary import Summary
+from vsnbench.statistics.rates import Interval
+
+_CONDITION = (
+    *("name", "model", "weights_label", "weights_sha256", "surveyed", "robot", "kind", "environment", "published"),
+    *("site", "site_sha256", "protocol_name", "max_actions", "max_time_s", "max_path_m", "success_distance_m"),
+)
+"""Attributes of a condition that are fields of the same name."""
 
 
 def finite(number: float) -> float | None:
@@ -12,9 +19,13 @@ def finite(number: float) -> float | None:
     return float(number) if math.isfinite(number) else None
 
 
+def interval_fields(interval: Interval, name: str = "ci") -> dict[str, float | None]:
+    """Return the ends of an interval as `NAME_low` and `NAME_high`; None if unknown."""
+    return {f"{name}_low": finite(interval.low), f"{name}_high": finite(interval.high)}
+
+
 def summary_fields(summary: Summary) -> dict[str, Any]:
     """Return a summary with stable field names; None if unknown."""
-    interval = summary.interval
     fields = {
         "successes": summary.successes,
         "episodes": summary.episodes,
@@ -23,8 +34,7 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
         "void": summary.void,
         "unjudged": summary.unjudged,
         "success_rate": summary.success_rate,
-        "ci_low": interval.low,
-        "ci_high": interval.high,
+        **interval_fields(summary.interval),
         "mean_actions": summary.mean_actions,
         "mean_actions_successful": summary.mean_actions_successful,
         "spl": summary.spl,
@@ -50,22 +60,4 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
 
 def condition_fields(condition: Condition) -> dict[str, Any]:
     """Return a condition with stable field names."""
-    return {
-        "name": condition.name,
-        "model": condition.model,
-        "weights_label": condition.weights_label,
-        "weights_sha256": condition.weights_sha256,
-        "surveyed": condition.surveyed,
-        "robot": condition.robot,
-        "kind": condition.kind,
-        "environment": condition.environment,
-        "published": condition.published,
-        "site": condition.site,
-        "site_sha256": condition.site_sha256,
-        "protocol_name": condition.protocol_name,
-        "max_actions": condition.max_actions,
-        "max_time_s": condition.max_time_s,
-        "max_path_m": condition.max_path_m,
-        "success_distance_m": condition.success_distance_m,
-        "noise": condition.noisy,
-    }
+    return {name: getattr(condition, name) for name in _CONDITION} | {"noise": condition.noisy}

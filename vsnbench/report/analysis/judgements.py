@@ -45,11 +45,7 @@ class Judgements:
 
 
 def latest_judgements(engine: Engine) -> dict[int, tuple[Any, Any]]:
-    """Return the protocol's first verdict (or None) and the operator's current verdict of each judged episode.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the protocol's first verdict (or None) and the operator's current verdict of each judged episode."""
     judged = select(Verdict.episode_id).where(Verdict.source == PERSON)
     with record_errors(engine), engine.connect() as connection:
         rows = connection.execute(
@@ -71,11 +67,7 @@ def latest_judgements(engine: Engine) -> dict[int, tuple[Any, Any]]:
 
 
 def read_judgements(engine: Engine, record: ReportData) -> tuple[Judgements, ...]:
-    """Return the operators' judgements of each condition that has any.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the operators' judgements of each condition that has any."""
     judgements = latest_judgements(engine)
     if not judgements:
         return ()
@@ -124,9 +116,6 @@ def read_rater_agreements(engine: Engine, record: ReportData) -> tuple[RaterAgre
     """Return the agreement of each rater with the current verdicts, by name.
 
     Episodes whose verdict was retracted have none and are left out.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     with record_errors(engine), engine.connect() as connection:
         given = second_judgements(connection)

@@ -70,11 +70,7 @@ class OperatorActivity:
 
 
 def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivity | None:
-    """Return the operators and sessions; None without operators, or with one operator in one session.
-
-    Raises:
-        RecordError: the database cannot be used.
-    """
+    """Return the operators and sessions; None without operators, or with one operator in one session."""
     with record_errors(engine), engine.connect() as connection:
         rows = connection.execute(
             select(Session.id, Session.operator, Robot.title, Session.began_at, Session.ended_at)

@@ -110,54 +110,27 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         name=f"{model.title} (paper)",
         published=True,
     )
-    # Trials of different goals get different clusters.
-    summaries = {goal: _summary(*numbers, -1000 * place) for place, (goal, numbers) in enumerate(model.goals.items())}
+    summaries = {}
+    for number, (goal, (successes, episodes, mean_actions)) in enumerate(model.goals.items()):
+        # The paper does not state which trials succeeded: each is a cluster of its own, also across goals.
+        outcomes = independent_outcomes(Proportion(successes, episodes), -1000 * number)
+        summaries[goal] = Summary(successes, episodes, planned=episodes, mean_actions=mean_actions, outcomes=outcomes)
     return ConditionSummary(
         condition=condition,
         goals=tuple(GoalSummary(goal, summary) for goal, summary in summaries.items()),
         total=_sum([*summaries.values()]),
         shared=_sum([summaries[goal] for goal in shared]),
-        starts=(),
+        starts={},
         ends=(),
         shared_goals=shared,
     )
 
 
-def _summary(
-    successes: int, episodes: int, mean_actions: float, after: int = 0, outcomes: Outcomes | None = None
-) -> Summary:
-    return Summary(
-        successes=successes,
-        episodes=episodes,
-        planned=episodes,
-        void=None,
-        unjudged=0,
-        mean_actions=mean_actions,
-        mean_actions_successful=math.nan,
-        spl=math.nan,
-        soft_spl=math.nan,
-        spl_episodes=0,
-        soft_spl_episodes=0,
-        progress=math.nan,
-        progress_episodes=0,
-        sct=math.nan,
-        sct_episodes=0,
-        mean_driving_s=math.nan,
-        mean_thinking_s=math.nan,
-        median_distance_m=math.nan,
-        collisions=None,
-        step_limits=None,
-        time_limits=None,
-        path_limits=None,
-        trivial=None,
-        # The paper does not state which trials succeeded: each trial is a cluster of its own.
-        outcomes=outcomes or independent_outcomes(Proportion(successes, episodes), after),
-    )
-
-
 def _sum(goals: list[Summary]) -> Summary:
-    # The paper has no average number of actions over the goals.
-    outcomes = Outcomes(tuple(cell for goal in goals for cell in goal.outcomes.cells))
-    return _summary(
-        sum(goal.successes for goal in goals), sum(goal.episodes for goal in goals), math.nan, outcomes=outcomes
+    return Summary(
+        successes=sum(goal.successes for goal in goals),
+        episodes=sum(goal.episodes for goal in goals),
+        planned=sum(goal.planned for goal in goals),
+        mean_actions=math.nan,  # the paper has no average over the goals
+        outcomes=Outcomes(tuple(cell for goal in goals for cell in goal.outcomes.cells)),
     )

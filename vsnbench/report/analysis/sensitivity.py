@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import stdev
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.judge import EndReason
@@ -105,10 +106,8 @@ def by_seed(record: ReportData, summary: ConditionSummary) -> tuple[Recount, ...
 
 def spread_between(groups: tuple[Recount, ...]) -> float:
     """Return the standard deviation of the groups' success rates; NaN for fewer than two."""
-    import statistics
-
     rates = [recount.proportion.rate for recount in groups if recount.proportion.trials]
-    return statistics.stdev(rates) if len(rates) > 1 else math.nan
+    return stdev(rates) if len(rates) > 1 else math.nan
 
 
 MIN_DRIFT_EPISODES = 12

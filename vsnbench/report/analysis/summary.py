@@ -5,8 +5,11 @@ Void episodes are never included in the rates; every summary has the number of p
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
@@ -21,58 +24,56 @@ from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.values.goal import GoalKind
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Statistics of a group of episodes; the mean or median of nothing is NaN."""
+    """Statistics of a group of episodes; unknown means and medians are NaN, unknown counts None."""
 
     successes: int
     episodes: int
     """Counted episodes, one per trial."""
     planned: int
     """Planned trials."""
-    void: int | None
-    """Void attempts, not in `episodes`; None if unknown, as for published results."""
-    unjudged: int
-    """Results without a verdict, not in `episodes`."""
     mean_actions: float
     """Mean over all counted episodes, as in the paper."""
-    mean_actions_successful: float
-    """Mean over the successful episodes."""
-    spl: float
-    """Mean over failures (0) and successes with known path length; NaN if no success has a known length."""
-    soft_spl: float
-    """Mean over the episodes with known path lengths."""
-    spl_episodes: int
-    """Number of episodes in `spl`."""
-    soft_spl_episodes: int
-    """Number of episodes in `soft_spl`."""
-    progress: float
-    """Mean over the episodes with known shortest paths."""
-    progress_episodes: int
-    """Number of episodes in `progress`."""
-    sct: float
-    """Mean over failures (0) and successes with known time; NaN if no success has a known time."""
-    sct_episodes: int
-    """Number of episodes in `sct`."""
-    mean_driving_s: float
-    """Mean duration on the robot's clock, over the episodes with known duration."""
-    mean_thinking_s: float
-    """Mean inference time on a real robot, over the episodes with known time; NaN in simulation."""
-    median_distance_m: float
-    """Median of the known final distances to the goal."""
-    collisions: int | None
-    step_limits: int | None
-    time_limits: int | None
-    path_limits: int | None
-    trivial: int | None
-    """Episodes that began within one move (`TRIVIAL_M`) of success."""
     outcomes: Outcomes
     """Outcomes of the same episodes by cell; clusters are starting positions."""
+    void: int | None = None
+    """Void attempts, not in `episodes`."""
+    unjudged: int = 0
+    """Results without a verdict, not in `episodes`."""
+    mean_actions_successful: float = math.nan
+    """Mean over the successful episodes."""
+    spl: float = math.nan
+    """Mean over failures (0) and successes with known path length; NaN if no success has a known length."""
+    soft_spl: float = math.nan
+    """Mean over the episodes with known path lengths."""
+    spl_episodes: int = 0
+    """Number of episodes in `spl`."""
+    soft_spl_episodes: int = 0
+    """Number of episodes in `soft_spl`."""
+    progress: float = math.nan
+    """Mean over the episodes with known shortest paths."""
+    progress_episodes: int = 0
+    """Number of episodes in `progress`."""
+    sct: float = math.nan
+    """Mean over failures (0) and successes with known time; NaN if no success has a known time."""
+    sct_episodes: int = 0
+    """Number of episodes in `sct`."""
+    mean_driving_s: float = math.nan
+    """Mean duration on the robot's clock, over the episodes with known duration."""
+    mean_thinking_s: float = math.nan
+    """Mean inference time on a real robot, over the episodes with known time; NaN in simulation."""
+    median_distance_m: float = math.nan
+    """Median of the known final distances to the goal."""
+    collisions: int | None = None
+    step_limits: int | None = None
+    time_limits: int | None = None
+    path_limits: int | None = None
+    trivial: int | None = None
+    """Episodes that began within one move (`TRIVIAL_M`) of success."""
 
     @property
     def proportion(self) -> Proportion:
@@ -129,22 +130,6 @@ def goal_title(goal: str, kind: GoalKind) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class KindSummary:
-    """All goals of one kind under one condition."""
-
-    kind: GoalKind
-    summary: Summary
-
-
-@dataclass(frozen=True, slots=True)
-class StartSummary:
-    """One starting position under one condition, over all goals."""
-
-    start: int
-    summary: Summary
-
-
-@dataclass(frozen=True, slots=True)
 class EndCount:
     """Number of attempts with one end reason."""
 
@@ -163,11 +148,12 @@ class ConditionSummary:
     total: Summary
     shared: Summary | None
     """Total over `shared_goals`; None if it equals the total."""
-    starts: tuple[StartSummary, ...]
+    starts: Mapping[int, Summary]
+    """Starting position -> summary over all goals, in order; 0 for an import without starting positions."""
     ends: tuple[EndCount, ...]
     shared_goals: tuple[str, ...] = ()
     """Goals shared with comparable conditions (`comparability.shared_goals`), in the order of the tables."""
-    kinds: tuple[KindSummary, ...] = ()
+    kinds: Mapping[GoalKind, Summary] = field(default_factory=dict)
     """Totals by kind of goal; empty if all goals are of one kind."""
 
     @property
@@ -183,7 +169,7 @@ class ConditionSummary:
     @property
     def never_succeeding(self) -> tuple[int, ...]:
         """Starting positions with episodes but without success."""
-        return tuple(start.start for start in self.starts if start.summary.episodes and not start.summary.successes)
+        return tuple(start for start, summary in self.starts.items() if summary.episodes and not summary.successes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +233,7 @@ def _condition(
         GoalSummary(goal, _summary(by_goal.get(goal, none), int(trials_by_goal[goal]), on(goal)), kind_of(goal))
         for goal in sorted(trials_by_goal.index, key=goal_order)
     )
-    names_by_kind = {kind: [goal.goal for goal in goals if goal.kind is kind] for kind in GoalKind}
+    kinds = [kind for kind in GoalKind if kind in {goal.kind for goal in goals}]
 
     def total_of(goals: Collection[str]) -> Summary:
         trials = int(planned.loc[planned["goal"].isin(goals), "trials"].sum())
@@ -261,15 +247,15 @@ def _condition(
         goals=goals,
         total=_summary(episodes, int(planned["trials"].sum()), cells.outcomes()),
         shared=common,
-        starts=tuple(
-            StartSummary(start, _of_start(start, by_start.get(start, none), int(trials_by_start[start]), cells))
+        starts={
+            start: _of_start(start, by_start.get(start, none), int(trials_by_start[start]), cells)
             for start in sorted(trials_by_start.index.tolist())
-        ),
+        },
         ends=_ends(episodes),
         shared_goals=tuple(sorted(shared, key=goal_order)),
-        kinds=tuple(KindSummary(kind, total_of(names)) for kind, names in names_by_kind.items() if names)
-        if len({goal.kind for goal in goals}) > 1
-        else (),
+        kinds={kind: total_of([goal.goal for goal in goals if goal.kind is kind]) for kind in kinds}
+        if len(kinds) > 1
+        else {},
     )
 
 
@@ -286,8 +272,6 @@ def _of_start(start: int, episodes: EpisodeColumns, planned: int, cells: CellCou
 
 def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summary:
     """Return the statistics of episodes of any state; `outcomes` covers the counted ones."""
-    import numpy as np
-
     counted = episodes[episodes.state.of(COUNTED)]
     spl, soft_spl, sct = _known(counted.spl), _known(counted.soft_spl), _known(counted.sct)
     progress, distance_m = _known(counted.progress), _known(counted.distance_m)
@@ -324,10 +308,8 @@ def _summary(episodes: EpisodeColumns, planned: int, outcomes: Outcomes) -> Summ
     )
 
 
-def _known(numbers: "NDArray[np.float64]") -> "NDArray[np.float64]":
+def _known(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the values that are not NaN."""
-    import numpy as np
-
     return np.asarray(numbers[~np.isnan(numbers)], np.float64)
 
 
@@ -342,8 +324,6 @@ def _ends(episodes: EpisodeColumns) -> tuple[EndCount, ...]:
     return tuple(count for count in counts if count.attempts)
 
 
-def _mean(numbers: "NDArray[Any]") -> float:
+def _mean(numbers: NDArray[Any]) -> float:
     """Return the mean, bit for bit independent of the order of the episodes."""
-    import numpy as np
-
     return float(np.sort(numbers).mean()) if len(numbers) else math.nan

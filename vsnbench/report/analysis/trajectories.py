@@ -27,9 +27,6 @@ def read_tracks(engine: Engine, record: ReportData, condition: Condition, max_pe
     """Read the paths of the counted episodes, evenly sampled above `max_per_goal` per goal.
 
     Poses in the site are used as recorded; without them odometry is added to the start pose.
-
-    Raises:
-        RecordError: the database cannot be used.
     """
     rows = record.counted(condition)
     if rows.empty:

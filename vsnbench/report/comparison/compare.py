@@ -162,28 +162,23 @@ def compare(
     if len({summary.condition.number for summary in found}) < len(found):
         raise UsageError("a model is named twice; name different models")
     sides = [_side(record, summary) for summary in found]
-    raw = [_pair(a, b, by_goal=by_goal) for a, b in itertools.combinations(sides, 2)]
+    pairs = [_pair(a, b, by_goal=by_goal) for a, b in itertools.combinations(sides, 2)]
     # Totals over all goals restate the shared goals, so only the shared goals are corrected for.
-    family = [rate.p for comparison in raw for rate in comparison.rates if rate.scope != ALL]
+    family = [rate.p for comparison in pairs for rate in comparison.rates if rate.scope != ALL]
+    pairs = [replace(comparison, asked=len(family)) for comparison in pairs]
     adjusted = iter(holm(family))
-    finished = []
-    for pair_of in raw:
-        corrected = (
-            replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted)) for rate in pair_of.rates
-        )
-        corrected_pair = replace(pair_of, rates=tuple(corrected), asked=len(family))
-        rates = tuple(
-            replace(rate, power=_design_power(rate, corrected_pair.level))
-            if with_power and rate.scope in (ALL, SHARED) and rate.covered and not rate.conclusion.names_winner
-            else rate
-            for rate in corrected_pair.rates
-        )
-        finished.append(replace(corrected_pair, rates=rates))
-    return tuple(finished)
 
+    def finished(rate: RateComparison, level: float) -> RateComparison:
+        rate = replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted))
+        if with_power and rate.scope in (ALL, SHARED) and rate.covered and not rate.conclusion.names_winner:
+            by_start = rate.test == EXCHANGED
+            return replace(rate, power=design_power(rate.pairing, rate.first, rate.second, level, by_start=by_start))
+        return rate
 
-def _design_power(rate: RateComparison, level: float) -> DesignPower | None:
-    return design_power(rate.pairing, rate.first, rate.second, level, by_start=rate.test == EXCHANGED)
+    return tuple(
+        replace(comparison, rates=tuple(finished(rate, comparison.level) for rate in comparison.rates))
+        for comparison in pairs
+    )
 
 
 def find_condition(name: str, results: Results, published: Results | None) -> ConditionSummary:
@@ -243,10 +238,10 @@ def _pair(side: _Side, other: _Side, *, by_goal: bool) -> Comparison:
     if shared and not (first.condition.published or second.condition.published):
         together = same_places(first.condition, second.condition)
         measured = effects(side.rows, other.rows, shared, together=together)
-    found = Comparison(first.condition, second.condition, rates, measured, 0)
-    if found.compares_actions:
-        return found
-    return replace(found, effects=tuple(effect for effect in measured if not effect.counts_actions))
+    found = Comparison(first.condition, second.condition, rates, measured, asked=0)
+    if not found.compares_actions:
+        found = replace(found, effects=tuple(effect for effect in measured if not effect.counts_actions))
+    return found
 
 
 def _rate(scope: str, side: tuple[_Side, tuple[str, ...]], other: tuple[_Side, tuple[str, ...]]) -> RateComparison:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from vsnbench.report.analysis import courses
 from vsnbench.statistics.bootstrap import ClusterSums, clustered_bootstrap
 from vsnbench.statistics.rates import Interval
@@ -81,8 +83,6 @@ def effects(
 
 
 def _by_start(rows: "pd.DataFrame", column: str, starts: Sequence[int] | None) -> ClusterSums:
-    import numpy as np
-
     grouped = rows.groupby("start")[column].agg(["sum", "count"])
     if starts is not None:
         grouped = grouped.reindex(list(starts), fill_value=0)

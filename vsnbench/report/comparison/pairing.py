@@ -53,7 +53,7 @@ def pair(first: ConditionSummary, second: ConditionSummary, goals: "Collection[s
     """Pair the counted episodes of two conditions on these goals; None without shared cells."""
     if not same_places(first.condition, second.condition):
         return None
-    sides = [_cells(summary, goals) for summary in (first, second)]
+    sides = [placed_cells(summary, goals) for summary in (first, second)]
     shared = sorted(sides[0].keys() & sides[1].keys())
     if not shared:
         return None
@@ -79,7 +79,7 @@ def difference_interval(pairing: Pairing | None, first: Summary, second: Summary
     return independent_difference(first.outcomes, second.outcomes)
 
 
-def _cells(summary: ConditionSummary, goals: "Collection[str]") -> dict[tuple[str, int], Cell]:
+def placed_cells(summary: ConditionSummary, goals: "Collection[str]") -> dict[tuple[str, int], Cell]:
     """Return the cells with a known starting position, by goal and starting position."""
     chosen = (goal for goal in summary.goals if goal.goal in goals)
     return {

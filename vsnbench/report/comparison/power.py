@@ -5,14 +5,7 @@ from typing import TYPE_CHECKING
 
 from vsnbench.report.comparison.pairing import Pairing
 from vsnbench.statistics.clustered import Outcomes, effective_sample
-from vsnbench.statistics.power import (
-    design_of,
-    detectable,
-    least_p,
-    min_starts,
-    starts_needed,
-    trials_needed,
-)
+from vsnbench.statistics.power import design_of, detectable, least_p, min_starts, starts_needed, trials_needed
 from vsnbench.statistics.power_independent import (
     exchange_design_of,
     exchange_detectable,

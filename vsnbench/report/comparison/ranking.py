@@ -10,7 +10,7 @@ from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.comparison.compare import SHARED, Comparison, over_goals
-from vsnbench.report.comparison.pairing import same_places
+from vsnbench.report.comparison.pairing import placed_cells, same_places
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.multiple import Ranks, letters, ranks
 from vsnbench.statistics.permutation import exchange_models
@@ -52,7 +52,7 @@ def ranking_of(members: Sequence[ConditionSummary], comparisons: Sequence[Compar
     goals = tuple(sorted(shared, key=goal_order))
     cells, rates = _common_cells(members, goals)
     outcomes = [
-        Outcomes(tuple(cells[place][n] for place in sorted(cells))) if cells else over_goals(summary, goals).outcomes
+        Outcomes(tuple(several[n] for several in cells.values())) if cells else over_goals(summary, goals).outcomes
         for n, summary in enumerate(members)
     ]
     order = sorted(range(len(members)), key=lambda n: (-outcomes[n].proportion.rate, members[n].condition.number))
@@ -79,24 +79,15 @@ def ranking_of(members: Sequence[ConditionSummary], comparisons: Sequence[Compar
 
 def _common_cells(
     members: Sequence[ConditionSummary], goals: Sequence[str]
-) -> tuple[dict[tuple[int, int], list[Cell]], npt.NDArray[np.float64]]:
-    """Return the cells of all members by (goal index, start), and (starts, members) sums of their rates."""
+) -> tuple[dict[tuple[str, int], list[Cell]], npt.NDArray[np.float64]]:
+    """Return the cells of all members by goal and start, in order, and (starts, members) sums of their rates."""
     first = members[0].condition
     if not all(same_places(first, summary.condition) for summary in members):
         return {}, np.empty((0, len(members)))
-    by_place = []
-    for summary in members:
-        summaries = {goal.goal: goal.summary for goal in summary.goals}
-        by_place.append(
-            {
-                (n, cell.cluster): cell
-                for n, goal in enumerate(goals)
-                for cell in summaries[goal].outcomes.cells
-                if cell.cluster > 0
-            }
-        )
+    by_place = [placed_cells(summary, goals) for summary in members]
     common = set.intersection(*(set(cells_of_model) for cells_of_model in by_place))
-    cells = {place: [cells_of_model[place] for cells_of_model in by_place] for place in sorted(common)}
+    ordered = sorted(common, key=lambda place: (goals.index(place[0]), place[1]))
+    cells = {place: [cells_of_model[place] for cells_of_model in by_place] for place in ordered}
     if not cells:
         return {}, np.empty((0, len(members)))
     starts = sorted({start for _, start in cells})

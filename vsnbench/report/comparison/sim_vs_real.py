@@ -6,7 +6,14 @@ from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
 from vsnbench.report.comparison.compare import over_goals
-from vsnbench.report.comparison.pairing import Pairing, difference_interval, pair, rate_difference, same_places
+from vsnbench.report.comparison.pairing import (
+    Pairing,
+    difference_interval,
+    pair,
+    placed_cells,
+    rate_difference,
+    same_places,
+)
 from vsnbench.statistics.agreement import Agreement, RankCorrelation, agreement, rank_correlation
 from vsnbench.statistics.clustered import arrays
 from vsnbench.statistics.prediction_powered import OnlyPredicted, Powered, PredictedCell, powered
@@ -90,11 +97,8 @@ def _pair_of(real: ConditionSummary, simulated: ConditionSummary) -> SimRealPair
 def _powered(real: ConditionSummary, simulated: ConditionSummary, goals: tuple[str, ...]) -> Powered | None:
     if not same_places(real.condition, simulated.condition):
         return None
-    cells = [
-        {(g.goal, cell.cluster): cell for g in summary.goals if g.goal in goals for cell in g.summary.outcomes.cells}
-        for summary in (real, simulated)
-    ]
-    rates = {place: cell.successes / cell.trials for place, cell in cells[1].items() if place[1] > 0}
-    driven = [PredictedCell(cell, rates[place]) for place, cell in cells[0].items() if place in rates]
-    others = [OnlyPredicted(place[1], rate) for place, rate in rates.items() if place not in cells[0]]
+    cells = placed_cells(real, goals)
+    rates = {place: cell.successes / cell.trials for place, cell in placed_cells(simulated, goals).items()}
+    driven = [PredictedCell(cell, rates[place]) for place, cell in cells.items() if place in rates]
+    others = [OnlyPredicted(place[1], rate) for place, rate in rates.items() if place not in cells]
     return powered(driven, others)

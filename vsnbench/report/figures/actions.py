@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from vsnbench.report.analysis.activity import ActionCount
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
@@ -15,7 +16,7 @@ from vsnbench.report.figures.style import (
     in_pages,
     light_grid,
     new_figure,
-    page_name,
+    panel_axes,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
@@ -23,7 +24,10 @@ from vsnbench.values.action import TILTS, Action
 
 MAX_PANELS = 6
 """Panels per figure."""
-
+_LOOKS: tuple[dict[str, Any], ...] = (
+    {"label": "chosen by the model", "color": COLORS[0]},
+    {"label": "executed", "facecolor": "white", "edgecolor": COLORS[1], "hatch": "////"},
+)
 
 _Panel = tuple[ConditionSummary, Sequence[ActionCount]]
 
@@ -35,33 +39,23 @@ def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Iterat
         for summary in results.conditions
         if (mine := [usage for usage in actions if usage.condition == summary.condition.number])
     ]
-    pages = in_pages(panels, MAX_PANELS)
-    for number, page in enumerate(pages, start=1):
-        yield _drawing(page, number, len(pages))
+    return in_pages(panels, MAX_PANELS, _drawing)
 
 
-def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
+def _drawing(panels: Sequence[_Panel]) -> Drawing:
     columns = 1 if len(panels) == 1 else 2
     lines = -(-len(panels) // columns)
     tallest = max(len(_names(mine)) for _, mine in panels)
     with styled():
         figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.67 + 0.3 * tallest))
-        grid = figure.subplots(lines, columns, squeeze=False)
-        for axes in grid.flat[len(panels) :]:
-            axes.set_axis_off()
-        for axes, (summary, mine) in zip(grid.flat, panels, strict=False):
-            raw, executed = _counts(mine)
-            names = _names(mine)
-            whole = sum(raw.values())
-            for series, (counts, label, look) in enumerate(
-                (
-                    (raw, "chosen by the model", {"color": COLORS[0]}),
-                    (executed, "executed", {"facecolor": "white", "edgecolor": COLORS[1], "hatch": "////"}),
-                )
-            ):
+        grid = panel_axes(figure, len(panels), columns)
+        for axes, (summary, mine) in zip(grid, panels, strict=True):
+            names, both = _names(mine), _counts(mine)
+            whole = sum(both[0].values())
+            for series, (counts, look) in enumerate(zip(both, _LOOKS, strict=True)):
                 places = [place + (series - 0.5) * 0.38 for place in range(len(names))]
                 widths = [100 * counts[name] / whole for name in names]
-                axes.barh(places, widths, height=0.34, linewidth=0.6, label=label, **look)
+                axes.barh(places, widths, height=0.34, linewidth=0.6, **look)
                 for place, name, width in zip(places, names, widths, strict=True):
                     # The percentage is printed next to the bar, because bars of rare actions are too short to read.
                     axes.text(width + 1, place, f"{counts[name]:,} ({_share(width)} %)", va="center", fontsize=5.5)
@@ -75,7 +69,7 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
             )
             axes.set_title(title, loc="left", color=INK)
             light_grid(axes, "x")
-        handles, labels = grid.flat[0].get_legend_handles_labels()
+        handles, labels = grid[0].get_legend_handles_labels()
         legend_below(figure, handles, labels)
     caption = (
         "Actions chosen by the model and actions executed, in percent of the model's actions over the counted episodes "
@@ -84,8 +78,8 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
     if note := kinds_note(summary.condition for summary, _ in panels):
         caption += f" {note}"
     return Drawing(
-        page_name("actions", number),
-        f"Chosen and executed actions{f' ({number} of {pages})' if pages > 1 else ''}",
+        "actions",
+        "Chosen and executed actions",
         _alt(panels),
         caption,
         footnotes([summary.condition for summary, _ in panels]),

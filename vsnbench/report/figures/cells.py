@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.sensitivity import Grid, grid
@@ -15,7 +17,7 @@ from vsnbench.report.figures.style import (
     Drawing,
     in_pages,
     new_figure,
-    page_name,
+    panel_axes,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
@@ -37,12 +39,10 @@ _Panel = tuple[ConditionSummary, Grid]
 def success_by_cell(results: Results) -> Iterator[Drawing]:
     """Draw each cell's success rate as a shade; nothing without known starting positions or with a single cell."""
     panels = [(summary, cells) for summary in results.conditions if len((cells := grid(summary)).cells) > 1]
-    pages = in_pages(panels, MAX_PANELS)
-    for number, page in enumerate(pages, start=1):
-        yield _drawing(page, number, len(pages))
+    return in_pages(panels, MAX_PANELS, _drawing)
 
 
-def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
+def _drawing(panels: Sequence[_Panel]) -> Drawing:
     from matplotlib.patches import Patch
 
     columns = min(3, len(panels))
@@ -62,13 +62,11 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
         ]
         letters = max(title.count("\n") + 1 for title in titles)
         figure = new_figure(width, lines * (0.85 + 0.12 * letters + _LINE_IN * len(starts)))
-        axes_of = figure.subplots(lines, columns, squeeze=False)
-        for axes in axes_of.flat[len(panels) :]:
-            axes.set_axis_off()
-        for axes, (_, cells), title in zip(axes_of.flat, panels, titles, strict=False):
+        grid = panel_axes(figure, len(panels), columns)
+        for axes, (_, cells), title in zip(grid, panels, titles, strict=True):
             _draw(axes, cells, goals, starts)
             axes.set_title(title, fontsize=_TITLE_PT, color=INK, loc="left")
-        for axes in axes_of[:, 0]:
+        for axes in grid[::columns]:
             axes.set_ylabel("starting position")
         samples = [
             Patch(facecolor=color, edgecolor=INK, linewidth=0.4) for color in (SUCCESS, _HALF, "white", _UNTRIED)
@@ -84,8 +82,8 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
         for summary, cells in panels
     )
     return Drawing(
-        page_name("success-by-cell", number),
-        f"Success by starting position and goal{f' ({number} of {pages})' if pages > 1 else ''}",
+        "success-by-cell",
+        "Success by starting position and goal",
         f"Shades of the success rate of every starting position and goal. {words}.",
         caption,
         footnotes([summary.condition for summary, _ in panels]),
@@ -94,7 +92,6 @@ def _drawing(panels: Sequence[_Panel], number: int, pages: int) -> Drawing:
 
 
 def _draw(axes: "Axes", cells: Grid, goals: Sequence[str], starts: Sequence[int]) -> None:
-    import numpy as np
     from matplotlib.colors import LinearSegmentedColormap
 
     rates = np.full((len(starts), len(goals)), np.nan)

@@ -2,7 +2,7 @@
 
 import gc
 import multiprocessing
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsnbench.errors import VsnbenchError
-from vsnbench.report.analysis.conditions import Condition, Selection
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.published import published_results
 from vsnbench.report.analysis.summary import ConditionSummary
@@ -76,7 +76,6 @@ def build_and_draw(
         VsnbenchError: the second process was killed.
     """
     can_fork = "fork" in multiprocessing.get_all_start_methods()
-    in_worker = WORKER_TRAJECTORIES if can_fork else 0  # matplotlib is not thread-safe
     with _few_collections(), _worker(can_fork=can_fork) as worker:
         plans: list[_Plan] = []
         waiting: dict[int, Future[Drawing | None]] = {}
@@ -84,29 +83,17 @@ def build_and_draw(
 
         def draw_charts(uncounted: Report) -> None:
             plans.extend(_plans(uncounted, url))
-            waiting.update(
-                {
-                    plan.summary.condition.number: worker.submit(plan.finished)
-                    for plan in _draw_trajectories(plans, in_worker)
-                }
-            )
+            if can_fork:  # otherwise the worker is a thread, and matplotlib is not thread-safe
+                places = range(len(plans))
+                in_worker = (*places[:WORKER_TRAJECTORIES], *places[WORKER_TRAJECTORIES + 1 :: 2])
+                waiting.update({place: worker.submit(plans[place].finished) for place in in_worker})
             drawn.extend(chart.finish() for chart in _charts(uncounted))
 
-        report = build(
-            *(url, selection, results_directory),
-            reference=reference,
-            meanwhile=draw_charts,
-            executor=worker,
-        )
+        report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, executor=worker)
         drawn += [histogram.finish() for histogram in _histograms(report)]
-        numbers = [plan.summary.condition.number for plan in plans]
-        here = {n: plan.finished() for n, plan in zip(numbers, plans, strict=True) if n not in waiting}
-        trajectories = [here[n] if n in here else waiting[n].result() for n in numbers]
+        here = {place: plan.finished() for place, plan in enumerate(plans) if place not in waiting}
+        trajectories = [waiting[place].result() if place in waiting else here[place] for place in range(len(plans))]
     return report, _in_order([*drawn, *(drawing for drawing in trajectories if drawing)])
-
-
-def _draw_trajectories(plans: "Sequence[_Plan]", in_worker: int) -> "Sequence[_Plan]":
-    return [*plans[:in_worker], *plans[in_worker + 1 :: 2]] if in_worker else ()
 
 
 @contextmanager
@@ -145,22 +132,20 @@ def _charts(report: Report) -> Iterator[Drawing]:
     yield from success_by_goal(results, published_results() if report.reference else None)
     yield from success_by_cell(results)
     yield from outcomes_over_actions(record, results)
-    yield from success_maps(
-        [(site, summary) for summary in results.conditions if (site := _site(report, summary.condition)) is not None]
-    )
+    yield from success_maps(_placed(report))
     if course := mileage(record):
         yield course
 
 
 def _histograms(report: Report) -> Iterator[Drawing]:
     if report.activity:
-        by_number = {summary.condition.number: summary for summary in report.results.conditions}
+        placed = {summary.condition.number: (site, summary) for site, summary in _placed(report)}
         yield from action_histogram(report.results, report.activity.actions)
         yield from stage_bars(report.results, report.activity.courses)
         yield from failure_maps(
-            (site, by_number[failures.condition], failures.places)
+            (*placed[failures.condition], failures.places)
             for failures in report.activity.failures
-            if (site := _site(report, by_number[failures.condition].condition)) is not None
+            if failures.condition in placed
         )
 
 
@@ -185,11 +170,7 @@ class _Plan:
 
 
 def _plans(report: Report, url: str) -> Iterator[_Plan]:
-    placed = [
-        (site, summary)
-        for summary in report.results.conditions
-        if (site := _site(report, summary.condition)) is not None
-    ]
+    placed = _placed(report)
     left_out = ""
     if others := [summary.condition.name for _, summary in placed[MAX_TRAJECTORIES:]]:
         left_out = (
@@ -201,5 +182,7 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
             yield _Plan(site, summary, read_tracks(engine, report.record, summary.condition), left_out)
 
 
-def _site(report: Report, condition: Condition) -> Site | None:
-    return site_of(report.record, condition)
+def _placed(report: Report) -> list[tuple[Site, ConditionSummary]]:
+    """Return the conditions whose site is known."""
+    conditions = report.results.conditions
+    return [(site, summary) for summary in conditions if (site := site_of(report.record, summary.condition))]

@@ -1,7 +1,10 @@
 """Cumulative plots: outcomes over the number of actions, and distance over driving time."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
 from vsnbench.report.analysis.episodes_frame import ReportData
@@ -16,14 +19,9 @@ from vsnbench.report.figures.style import (
     in_pages,
     light_grid,
     new_figure,
-    page_name,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 _MOST_POINTS = 2000
 """Maximum number of points of a curve."""
@@ -36,13 +34,10 @@ def outcomes_over_actions(record: ReportData, results: Results) -> Iterator[Draw
     succeeds early. Nothing is drawn without counted episodes.
     """
     done = [summary for summary in results.conditions if summary.total.episodes]
-    pages = in_pages(done, MAX_CONDITIONS)
-    for number, drawn in enumerate(pages, start=1):
-        yield _outcomes(record, drawn, number, len(pages))
+    return in_pages(done, MAX_CONDITIONS, lambda drawn: _outcomes(record, drawn))
 
 
-def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
-
+def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary]) -> Drawing:
     with styled():
         figure = new_figure(COLUMN_IN if len(drawn) <= 3 else PAGE_IN * 0.75, 2.0)
         panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -77,8 +72,8 @@ def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], number: int
     if note := kinds_note(summary.condition for summary in drawn):
         caption += f" {note}"
     return Drawing(
-        page_name("outcomes-over-actions", number),
-        f"Success and failure over actions{f' ({number} of {pages})' if pages > 1 else ''}",
+        "outcomes-over-actions",
+        "Success and failure over actions",
         f"Shares of episodes that succeeded and failed by action count. {words}.",
         caption,
         footnotes([summary.condition for summary in drawn]),
@@ -87,11 +82,9 @@ def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], number: int
 
 
 def _incidence(
-    actions: "NDArray[np.int64]", which: "NDArray[np.bool_]", longest: int
-) -> "tuple[NDArray[np.int64], NDArray[np.float64]]":
+    actions: NDArray[np.int64], which: NDArray[np.bool_], longest: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return action counts, ascending, and the share of all episodes with this outcome by then."""
-    import numpy as np
-
     lengths, ended = np.unique(actions[which], return_counts=True)
     share = np.cumsum(ended) / len(actions)
     return np.append(lengths, longest), np.append(share, share[-1] if len(share) else 0.0)
@@ -102,8 +95,6 @@ def mileage(record: ReportData) -> Drawing | None:
 
     All attempts are included, also void ones.
     """
-    import numpy as np
-
     robots: dict[tuple[str, bool], list[int]] = {}
     for condition in record.conditions:
         robots.setdefault((condition.robot_title or condition.robot, condition.simulated), []).append(condition.number)

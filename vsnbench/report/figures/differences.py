@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.comparison.compare import Comparison, RateComparison
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.figures.style import (
     FAINT,
@@ -11,9 +10,9 @@ from vsnbench.report.figures.style import (
     PAGE_IN,
     SUCCESS,
     Drawing,
+    in_pages,
     light_grid,
     new_figure,
-    page_name,
     styled,
 )
 from vsnbench.report.figures.text_layout import shown, wrapped
@@ -23,19 +22,14 @@ _LABEL_PT = 6.5
 
 def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
     """Draw the differences of all pairs, one figure per question; the better model is named first."""
-    asked = [(question, list(question.pairs)) for question in questions]
-    asked = [(question, pairs) for question, pairs in asked if pairs]
-    for number, (question, pairs) in enumerate(asked, start=1):
-        yield _drawing(question, pairs, number, len(asked))
+    return in_pages([question for question in questions if question.pairs], 1, lambda page: _drawing(page[0]))
 
 
-def _drawing(
-    question: Question, pairs: Sequence[tuple[Comparison, RateComparison]], number: int, figures: int
-) -> Drawing:
+def _drawing(question: Question) -> Drawing:
     width, parts = PAGE_IN * 0.75, []
     with styled():
         rows = []
-        for comparison, rate in pairs:
+        for comparison, rate in question.pairs:
             names, sign = [comparison.first.name, comparison.second.name], 1.0
             if rate.difference < 0:
                 names, sign = names[::-1], -1.0
@@ -74,8 +68,8 @@ def _drawing(
         "a difference was shown, Holm-corrected for all pairs. Open grey: no difference was shown."
     )
     return Drawing(
-        page_name("differences", number),
-        f"Differences in success rate{f' ({number} of {figures})' if figures > 1 else ''}",
+        "differences",
+        "Differences in success rate",
         f"Differences in success rate, points. {'; '.join(parts)}.",
         caption,
         footnotes([summary.condition for summary in question.members]),

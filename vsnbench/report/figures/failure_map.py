@@ -17,7 +17,7 @@ from vsnbench.report.figures.style import (
     Drawing,
     in_pages,
     new_figure,
-    page_name,
+    panel_axes,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
@@ -45,9 +45,7 @@ _Map = tuple[Site, ConditionSummary, Sequence[FailurePlace]]
 
 def failure_maps(maps: Iterable[_Map]) -> Iterator[Drawing]:
     """Draw one plan per condition that has places of failures."""
-    pages = in_pages([found for found in maps if found[2]], MAX_MAPS)
-    for number, page in enumerate(pages, start=1):
-        yield _drawing(page, number, len(pages))
+    return in_pages([found for found in maps if found[2]], MAX_MAPS, _drawing)
 
 
 def _labels(places: Sequence[FailurePlace], near_m: float) -> list[tuple[float, float, str]]:
@@ -63,7 +61,7 @@ def _labels(places: Sequence[FailurePlace], near_m: float) -> list[tuple[float, 
     return labels
 
 
-def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
+def _drawing(maps: Sequence[_Map]) -> Drawing:
     from matplotlib.lines import Line2D
 
     columns = min(2, len(maps))
@@ -74,10 +72,8 @@ def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
         tallest = max(plan_shape(site) for site, _, _ in maps)
         height = lines * (width / columns * tallest + 0.3 + 0.12 * max(title.count("\n") for title in titles)) + 0.2
         figure = new_figure(width, height)
-        grid = figure.subplots(lines, columns, squeeze=False)
-        for axes in grid.flat[len(maps) :]:
-            axes.set_axis_off()
-        for axes, (site, summary, places), title in zip(grid.flat, maps, titles, strict=False):
+        grid = panel_axes(figure, len(maps), columns)
+        for axes, (site, summary, places), title in zip(grid, maps, titles, strict=True):
             bare_plan(site, axes, None, summary.condition)
             for place in places[:MAX_PLACES]:
                 color, marker = _LOOKS[place.kind]
@@ -101,8 +97,8 @@ def _drawing(maps: Sequence[_Map], number: int, pages: int) -> Drawing:
         for _, summary, places in maps
     )
     return Drawing(
-        page_name("failure-map", number),
-        f"Where models fail{f' ({number} of {pages})' if pages > 1 else ''}",
+        "failure-map",
+        "Where models fail",
         f"Floor plans with the places of failures by kind. {words}.",
         "Places of failures: where the episode ended, or where it was nearest to a goal that it passed. The numbers "
         "are those of the tables `where it fails`, which link the episodes; larger markers are more failures.",

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
 
 from vsnbench.errors import RecordError
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.values.encoding.images import decode_picture
-
-if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
 
 FRAMES = 5
 _WIDTH_PX = 176
@@ -31,9 +30,6 @@ def frame_strip(results_directory: Path, images_directory: str) -> FrameStrip | 
         results_directory: only files below it are read, whatever the database contains.
         images_directory: the episode's directory, relative to it.
     """
-    import cv2
-    import numpy as np
-
     if not images_directory:
         return None
     try:
@@ -61,9 +57,7 @@ def frame_strip(results_directory: Path, images_directory: str) -> FrameStrip | 
     return FrameStrip(jpeg.tobytes(), len(frames)) if written else None
 
 
-def _picture(directory: Path, name: str) -> "npt.NDArray[np.uint8] | None":
-    import cv2
-
+def _picture(directory: Path, name: str) -> npt.NDArray[np.uint8] | None:
     try:
         content = read_confined(directory, name)
     except RecordError:

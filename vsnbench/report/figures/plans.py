@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import shapely
+
 from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Condition, footnotes
@@ -20,7 +22,7 @@ from vsnbench.report.figures.style import (
     Drawing,
     in_pages,
     new_figure,
-    page_name,
+    panel_axes,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
@@ -68,10 +70,7 @@ def trajectory_plan(
         title = wrapped(summary.condition.name, width - 0.4, 7.5)
         height = lines * width / columns * plan_shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
         figure = new_figure(width, height)
-        grid = figure.subplots(lines, columns, squeeze=False)
-        for axes in grid.flat[len(goals) :]:
-            axes.set_axis_off()
-        for axes, goal in zip(grid.flat, goals, strict=False):
+        for axes, goal in zip(panel_axes(figure, len(goals), columns), goals, strict=True):
             bare_plan(site, axes, goal, summary.condition)
             mine = [track for track in tracks if track.goal == goal]
             _draw_tracks(axes, mine)
@@ -97,18 +96,16 @@ def trajectory_plan(
 def success_maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Iterator[Drawing]:
     """Draw one plan per condition with the success rate at each starting position as a filled disk."""
     known = [(site, summary) for site, summary in plans if _places(site, summary)]
-    pages = in_pages(known, MAX_MAPS)
-    for number, page in enumerate(pages, start=1):
-        yield _maps(page, number, len(pages))
+    return in_pages(known, MAX_MAPS, _maps)
 
 
 def _places(site: Site, summary: ConditionSummary) -> dict[int, tuple[float, float]]:
     """Return the starting positions with completed trials, and their coordinates."""
-    done = {start.start for start in summary.starts if start.summary.episodes}
+    done = {number for number, own in summary.starts.items() if own.episodes}
     return {start.number: start.position for start in site.starts if start.number in done}
 
 
-def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: int) -> Drawing:
+def _maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Drawing:
     columns = min(2, len(plans))
     room_in = (COLUMN_IN if columns == 1 else PAGE_IN) / columns - 0.25
     never = [", ".join(map(str, summary.never_succeeding)) or "none" for _, summary in plans]
@@ -120,10 +117,8 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         lines = -(-len(plans) // columns)
         height = lines * ((room_in + 0.25) * tallest + 0.35 + 0.12 * letters)
         figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, height)
-        grid = figure.subplots(lines, columns, squeeze=False)
-        for axes in grid.flat[len(plans) :]:
-            axes.set_axis_off()
-        for axes, (site, summary), title, label in zip(grid.flat, plans, titles, below, strict=False):
+        grid = panel_axes(figure, len(plans), columns)
+        for axes, (site, summary), title, label in zip(grid, plans, titles, below, strict=True):
             bare_plan(site, axes, None, summary.condition)
             _draw_shares(axes, site, summary, room_in + 0.25)
             axes.set_title(title, pad=3)
@@ -133,8 +128,8 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]], number: int, pages: in
         f"{shown(condition.name)}: {label}" for condition, label in zip(conditions, never, strict=True)
     )
     return Drawing(
-        page_name("success-map", number),
-        f"Success by starting position{f' ({number} of {pages})' if pages > 1 else ''}",
+        "success-map",
+        "Success by starting position",
         f"Floor plans with the success rate at each starting position. No success from: {listed_starts}.",
         "The filled part of a disk is the success rate at that starting position.",
         footnotes(conditions),
@@ -146,7 +141,7 @@ def _draw_shares(axes: "Axes", site: Site, condition_summary: ConditionSummary, 
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
-    rates = {start.start: start.summary for start in condition_summary.starts}
+    rates = condition_summary.starts
     places = _places(site, condition_summary)
     label = {number: f"{rates[number].successes}/{rates[number].episodes}" for number in places}
     label_xy = _label_positions(site, places, label, width_in)
@@ -171,8 +166,6 @@ def _label_positions(
     site: Site, places: Mapping[int, tuple[float, float]], label: Mapping[int, str], plan_in: float
 ) -> dict[int, tuple[float, float]]:
     """Return the centre of each position's label, metres: below its disk, or next to it where there is room."""
-    import shapely
-
     walls = wall_area(site)
     x_min, _, x_max, _ = walls.bounds
     inch_m = (x_max - x_min + 0.3) / plan_in

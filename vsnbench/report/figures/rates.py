@@ -18,7 +18,6 @@ from vsnbench.report.figures.style import (
     in_pages,
     light_grid,
     new_figure,
-    page_name,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
@@ -33,12 +32,10 @@ def success_by_goal(results: Results, published: Results | None = None) -> Itera
         published: the paper's results, drawn grey and hollow in every figure.
     """
     paper = published.conditions if published else ()
-    pages = in_pages(results.conditions, MAX_CONDITIONS - len(paper))
-    for number, ours in enumerate(pages, start=1):
-        yield _drawing(ours, paper, number, len(pages))
+    return in_pages(results.conditions, MAX_CONDITIONS - len(paper), lambda ours: _drawing(ours, paper))
 
 
-def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary], number: int, pages: int) -> Drawing:
+def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]) -> Drawing:
     series = [*ours, *paper]
     goals = sorted({goal.goal for summary in series for goal in summary.goals}, key=goal_order)
     whole = headlines(series)
@@ -106,8 +103,8 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
     if any(summary.condition.published for summary in series):
         caption += f" {PAPER_INTERVALS}"
     return Drawing(
-        page_name("success-by-goal", number),
-        f"Success by goal{f' ({number} of {pages})' if pages > 1 else ''}",
+        "success-by-goal",
+        "Success by goal",
         _alt(ours),
         caption,
         footnotes([summary.condition for summary in series]),

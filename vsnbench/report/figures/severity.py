@@ -46,12 +46,11 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
         figure = new_figure(PAGE_IN * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         marks: list[ErrorbarContainer] = []
-        for place, name in enumerate(names):
-            axes = panels[place // columns][place % columns]
+        for place, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
             marks = [_line(axes, model, name, index, len(drawn)) for index, model in enumerate(drawn)]
             _label(axes, _title(name, drawn), is_last=place + columns >= len(names), is_first=place % columns == 0)
-        for place in range(len(names), lines * columns):
-            panels[place // columns][place % columns].set_visible(False)
+        for unused in panels.flat[len(names) :]:
+            unused.set_visible(False)
         several = len({model.undisturbed.condition.site for model in drawn}) > 1
         legend_below(figure, marks, [_model_name(model, with_site=several) for model in drawn])
     left_out = f" {len(models) - len(drawn)} more models are not drawn." if len(models) > len(drawn) else ""

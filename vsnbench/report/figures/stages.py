@@ -6,7 +6,7 @@ from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.figures.style import INK, PAGE_IN, SUCCESS, Drawing, in_pages, new_figure, page_name, styled
+from vsnbench.report.figures.style import INK, PAGE_IN, SUCCESS, Drawing, in_pages, new_figure, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
 
 MAX_BARS = 20
@@ -32,12 +32,10 @@ def stage_bars(results: Results, courses: Sequence[CourseSummary]) -> Iterator[D
     """Draw the share of each furthest stage with the mean progress; nothing without known stages."""
     known = {course.condition: course for course in courses if course.stages}
     bars = [(summary, known[n]) for summary in results.conditions if (n := summary.condition.number) in known]
-    pages = in_pages(bars, MAX_BARS)
-    for number, page in enumerate(pages, start=1):
-        yield _drawing(page, number, len(pages))
+    return in_pages(bars, MAX_BARS, _drawing)
 
 
-def _drawing(bars: Sequence[_Bar], number: int, pages: int) -> Drawing:
+def _drawing(bars: Sequence[_Bar]) -> Drawing:
     from matplotlib.patches import Patch
 
     with styled():
@@ -63,8 +61,8 @@ def _drawing(bars: Sequence[_Bar], number: int, pages: int) -> Drawing:
         for summary, course in bars
     )
     return Drawing(
-        page_name("stages", number),
-        f"Furthest stage and progress{f' ({number} of {pages})' if pages > 1 else ''}",
+        "stages",
+        "Furthest stage and progress",
         f"Bars of the furthest stage of the episodes. {words}.",
         "Furthest stage of each episode, from site map and poses. Progress is the covered share of the shortest path; "
         "it is not success.",

@@ -1,9 +1,10 @@
 """Style of figures: colour-blind-safe colours, sizes for a two-column paper, and saving."""
 
 import io
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 if TYPE_CHECKING:
@@ -66,6 +67,11 @@ class Drawing:
         width_in, height_in = (0.0, 0.0) if self.figure is None else self.figure.get_size_inches()
         object.__setattr__(self, "width_in", float(width_in))
         object.__setattr__(self, "height_in", float(height_in))
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the figure needs more than one column."""
+        return self.width_in > 1.2 * COLUMN_IN
 
     def finish(self) -> Self:
         """Save the figure in every format and drop it, so that the drawing can be sent to another process."""
@@ -160,14 +166,29 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     return figure
 
 
-def in_pages(items: Sequence[_Item], most: int) -> list[Sequence[_Item]]:
-    """Split the items into groups of at most this size, one per figure."""
-    return [items[at : at + most] for at in range(0, len(items), most)]
+def in_pages(items: Sequence[_Item], most: int, draw: Callable[[Sequence[_Item]], Drawing]) -> Iterator[Drawing]:
+    """Draw the items in as many figures as needed; the names and titles of several figures are numbered.
+
+    Args:
+        items: what the figures show.
+        most: maximum number of items in a figure.
+        draw: draws the figure of some items.
+    """
+    pages = [items[at : at + most] for at in range(0, len(items), most)]
+    for number, page in enumerate(pages, start=1):
+        drawing = draw(page)
+        if len(pages) > 1:
+            name = drawing.name if number == 1 else f"{drawing.name}-{number}"
+            drawing = replace(drawing, name=name, title=f"{drawing.title} ({number} of {len(pages)})")
+        yield drawing
 
 
-def page_name(name: str, number: int) -> str:
-    """Return the name of a page of a figure, from 1; the first has no suffix."""
-    return name if number == 1 else f"{name}-{number}"
+def panel_axes(figure: "Figure", panels: int, columns: int) -> "list[Axes]":
+    """Return the axes of each panel, row by row; the rest of the last row stays empty."""
+    axes = list(figure.subplots(math.ceil(panels / columns), columns, squeeze=False).flat)
+    for unused in axes[panels:]:
+        unused.set_axis_off()
+    return axes[:panels]
 
 
 def light_grid(axes: "Axes", axis: str) -> None:

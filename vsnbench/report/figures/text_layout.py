@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
@@ -78,14 +80,7 @@ def legend_below(figure: "Figure", handles: Sequence[Any], labels: Sequence[str]
 
 def _taken_in(widths: Sequence[float], columns: int) -> float:
     """Return the width of a legend with this number of columns, filled column by column as in matplotlib."""
-    longer = len(widths) % columns
-    lines = len(widths) // columns
-    taken, at = 0.0, 0
-    for column in range(columns):
-        count = lines + (column < longer)
-        taken += max(widths[at : at + count], default=0.0)
-        at += count
-    return taken
+    return sum(float(column.max()) for column in np.array_split(widths, columns))
 
 
 @cache

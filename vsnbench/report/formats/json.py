@@ -4,12 +4,14 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar
 
 from vsnbench.report.analysis.activity import Activity, RobotActivity
+from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.failures import Failures
 from vsnbench.report.analysis.fields import condition_fields, summary_fields
-from vsnbench.report.analysis.judgements import RaterAgreement
+from vsnbench.report.analysis.judgements import Judgements, RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
 from vsnbench.report.analysis.published import published
 from vsnbench.report.analysis.summary import ConditionSummary, Results
@@ -25,6 +27,8 @@ from vsnbench.report.formats.sensitivity_json import (
 from vsnbench.report.tables.comparison import comparison_fields, ranking_fields
 from vsnbench.report.tables.operators import operator_fields
 from vsnbench.report.tables.second_judgements import second_judgement_fields
+
+_Counts = TypeVar("_Counts", Failures, Judgements, CourseSummary)
 
 
 def to_json(
@@ -78,12 +82,7 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         record: the episodes, for the sensitivity analyses.
     """
     condition, number = summary.condition, summary.condition.number
-    counted = activity is not None and not condition.published
-    failures = judgements = courses = None
-    if activity and counted:
-        failures = next((failure for failure in activity.failures if failure.condition == number), None)
-        courses = next((course for course in activity.courses if course.condition == number), None)
-        judgements = next((judgement for judgement in activity.judgements if judgement.condition == number), None)
+    counts = None if condition.published else activity
     return {
         **condition_fields(condition),
         "campaigns": list(condition.campaigns),
@@ -95,30 +94,28 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         "goals": [
             {"goal": goal.goal, "kind": goal.kind.value, **summary_fields(goal.summary)} for goal in summary.goals
         ],
-        "goal_kinds": _kinds(summary),
+        "goal_kinds": [{"kind": kind.value, **summary_fields(total)} for kind, total in summary.kinds.items()],
         "total": summary_fields(summary.total),
         "shared_goals": list(summary.shared_goals),
         "total_shared_goals": summary_fields(summary.shared) if summary.shared else None,
-        "starts": [{"start": start.start, **summary_fields(start.summary)} for start in summary.starts],
-        "end_reasons": [
-            {"end_reason": end.end_reason, "attempts": end.attempts, "counted": end.counted} for end in summary.ends
-        ],
+        "starts": [{"start": start, **summary_fields(mine)} for start, mine in summary.starts.items()],
+        "end_reasons": [asdict(end) for end in summary.ends],
         "actions": [
             {"raw_action": usage.raw_action, "action": usage.action, "blocked": usage.blocked, "steps": usage.steps}
-            for usage in activity.actions
+            for usage in counts.actions
             if usage.condition == number
         ]
-        if activity and counted
+        if counts
         else None,
         "sensitivity": sensitivity_fields(record, summary) if record and not condition.published else None,
-        "failures": failure_fields(failures),
-        "judgements": judgement_fields(judgements),
-        "courses": course_fields(courses),
+        "failures": failure_fields(_of_condition(number, counts.failures)) if counts else None,
+        "judgements": judgement_fields(_of_condition(number, counts.judgements)) if counts else None,
+        "courses": course_fields(_of_condition(number, counts.courses)) if counts else None,
     }
 
 
-def _kinds(summary: ConditionSummary) -> list[dict[str, Any]]:
-    return [{"kind": kind.kind.value, **summary_fields(kind.summary)} for kind in summary.kinds]
+def _of_condition(number: int, counts: Sequence[_Counts]) -> _Counts | None:
+    return next((found for found in counts if found.condition == number), None)
 
 
 def _question(question: Question) -> dict[str, Any]:

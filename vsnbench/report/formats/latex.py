@@ -2,9 +2,8 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-from vsnbench.report.tables.report_table import Column, ReportTable, fitted, footnotes_of
+from vsnbench.report.tables.report_table import ReportTable, fitted, footnotes_of
 from vsnbench.text.sanitize import sanitize
 
 PREAMBLE = r"""% \usepackage[T1]{fontenc}
@@ -13,15 +12,8 @@ PREAMBLE = r"""% \usepackage[T1]{fontenc}
 """Required packages, as comments, because the tables are pasted into another document."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Size:
-    """A font size and its average character width for digits and bold headings."""
-
-    command: str
-    letter_pt: float
-
-
-_SIZES = (_Size(r"\small", 4.7), _Size(r"\footnotesize", 4.2), _Size(r"\scriptsize", 3.7))
+_LETTER_PT = {r"\small": 4.7, r"\footnotesize": 4.2, r"\scriptsize": 3.7}
+"""Font size -> average character width for digits and bold headings."""
 _COLUMN_PT, _PAGE_PT = 243.0, 498.0
 """Of a two-column paper on A4 or letter with margins of at least 2 cm."""
 _GAP_PT = 6.0
@@ -116,10 +108,10 @@ def _mark(mark: str) -> str:
 
 
 def _float(table: ReportTable) -> str:
-    size = next((size for size in _SIZES if _width_pt(table, size) <= _COLUMN_PT), None)
-    wide = size is None
-    if size is None:
-        size = next((size for size in _SIZES if _width_pt(table, size) <= _PAGE_PT), _SIZES[-1])
+    size = next((size for size in _LETTER_PT if _width_pt(table, size) <= _COLUMN_PT), "")
+    wide = not size
+    if wide:
+        size = next((size for size in _LETTER_PT if _width_pt(table, size) <= _PAGE_PT), r"\scriptsize")
         table = fitted(table, lambda part: _width_pt(part, size) <= _PAGE_PT)
     environment = "table*" if wide else "table"
     columns = "".join(_alignment(table, place) for place in range(len(table.columns)))
@@ -128,10 +120,10 @@ def _float(table: ReportTable) -> str:
         r"\centering",
         rf"\caption{{{_caption(table)}}}",
         rf"\label{{tab:{_label(table.name)}}}",
-        rf"{size.command}\setlength{{\tabcolsep}}{{{_GAP_PT / 2:g}pt}}",
+        rf"{size}\setlength{{\tabcolsep}}{{{_GAP_PT / 2:g}pt}}",
         rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"\toprule",
-        " & ".join(_heading(column) for column in table.columns) + r" \\",
+        " & ".join(rf"\textbf{{{escaped(column.heading)}}}" for column in table.columns) + r" \\",
         r"\midrule",
     ]
     for index, row in enumerate(table.rows):
@@ -175,17 +167,13 @@ def _letters(table: ReportTable, place: int) -> int:
     return max(heading, *(len(row.cells[place].text) for row in table.rows), 0)
 
 
-def _width_pt(table: ReportTable, size: _Size) -> float:
+def _width_pt(table: ReportTable, size: str) -> float:
     """Estimate the width of a table: text columns wrap, numbers do not."""
     letters = [
         _letters(table, place) if column.number else min(_letters(table, place), _WRAPPED_LETTERS)
         for place, column in enumerate(table.columns)
     ]
-    return size.letter_pt * sum(letters) + _GAP_PT * (len(letters) - 1)
-
-
-def _heading(column: Column) -> str:
-    return rf"\textbf{{{escaped(column.heading)}}}"
+    return _LETTER_PT[size] * sum(letters) + _GAP_PT * (len(letters) - 1)
 
 
 def _caption(table: ReportTable) -> str:

@@ -1,6 +1,5 @@
 """Sensitivity analyses, failures, judgements and sim-to-real comparison as JSON values."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from vsnbench.report.analysis.courses import MEASURES, CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import Failures
-from vsnbench.report.analysis.fields import finite
+from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.judgements import Judgements
 from vsnbench.report.analysis.sensitivity import (
     Drift,
@@ -22,7 +21,7 @@ from vsnbench.report.analysis.sensitivity import (
 )
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
-from vsnbench.statistics.rates import Interval
+from vsnbench.statistics.rates import UNKNOWN
 
 
 def sensitivity_fields(record: ReportData, summary: ConditionSummary) -> dict[str, Any]:
@@ -56,7 +55,7 @@ def _drift(found: Drift | None) -> dict[str, Any] | None:
         "exact": found.trend.exact,
         "success_later": finite(found.trend.later),
         "difference": finite(found.difference),
-        **_ends("ci", found.interval),
+        **interval_fields(found.interval),
         "thirds": _recounts(found.thirds),
     }
 
@@ -68,7 +67,7 @@ def _recounts(groups: Sequence[Recount]) -> list[dict[str, Any]]:
             "successes": recount.proportion.successes,
             "episodes": recount.proportion.trials,
             "success_rate": finite(recount.proportion.rate),
-            **_ends("ci", recount.interval),
+            **interval_fields(recount.interval or UNKNOWN),
             "bound": recount.bound is not None,
         }
         for recount in groups
@@ -85,10 +84,7 @@ def failure_fields(failures: Failures | None) -> dict[str, Any] | None:
         "kinds": {kind.value: number for kind, number in failures.kinds},
         "never_in_view": failures.never_in_view,
         "touched": dict(failures.touched),
-        "places": [
-            {"kind": place.kind.value, "x_m": place.x_m, "y_m": place.y_m, "episodes": list(place.episodes)}
-            for place in failures.places
-        ],
+        "places": [asdict(place) for place in failures.places],
     }
 
 
@@ -126,17 +122,17 @@ def sim_vs_real_fields(pair: SimRealPair) -> dict[str, Any]:
         "successes_simulated": pair.second.successes,
         "episodes_simulated": pair.second.episodes,
         "difference": finite(pair.difference),
-        **_ends("ci", pair.interval),
+        **interval_fields(pair.interval),
         "shared_cells": like.cells if like else 0,
         "agreement": {name: finite(getattr(like, name)) for name in ("bias", "error", "same", "kappa")}
         if like
         else None,
-        "rank_correlation": {"rho": finite(ranks.rho), **_ends("ci", ranks.interval)} if ranks else None,
+        "rank_correlation": {"rho": finite(ranks.rho), **interval_fields(ranks.interval)} if ranks else None,
         "prediction_powered": {
             "success_rate": finite(gain.rate),
-            **_ends("ci", gain.interval),
+            **interval_fields(gain.interval),
             "plain_success_rate": finite(gain.plain_rate),
-            **_ends("plain_ci", gain.plain_interval),
+            **interval_fields(gain.plain_interval, "plain_ci"),
             "tuning": gain.tuning,
             "cells": gain.cells,
             "cells_saved": gain.saved,
@@ -144,8 +140,3 @@ def sim_vs_real_fields(pair: SimRealPair) -> dict[str, Any]:
         if gain
         else None,
     }
-
-
-def _ends(name: str, interval: Interval | None) -> dict[str, float | None]:
-    low, high = (interval.low, interval.high) if interval else (math.nan, math.nan)
-    return {f"{name}_low": finite(low), f"{name}_high": finite(high)}

@@ -4,6 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+import shapely
+
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
 from vsnbench.sites.geometry.walls import doorway, wall_area, walls_of
@@ -27,7 +30,6 @@ def draw_building(ink: Ink, axes: "Axes", site: Site) -> None:
 
 
 def _draw_walls(axes: "Axes", site: Site) -> None:
-    import shapely
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -56,6 +58,10 @@ class _Opening:
             self.start[1] + self.along[1] * along_m + self.left[1] * left_m,
         )
 
+    def rectangle(self, along_m: tuple[float, float], left_m: tuple[float, float]) -> list[tuple[float, float]]:
+        (near, far), (right, left) = along_m, left_m
+        return [self.at(near, right), self.at(far, right), self.at(far, left), self.at(near, left)]
+
 
 def _opening(site: Site, start: tuple[float, float], end: tuple[float, float]) -> _Opening:
     length = math.dist(start, end)
@@ -67,8 +73,7 @@ def _opening(site: Site, start: tuple[float, float], end: tuple[float, float]) -
 def _draw_window(ink: Ink, site: Site, window: Window) -> None:
     opening, length = _opening(site, window.start, window.end), math.dist(window.start, window.end)
     half = opening.half_m
-    frame = [opening.at(0, -half), opening.at(length, -half), opening.at(length, half), opening.at(0, half)]
-    ink.fill(frame, face="white", edge=INK, width_pt=0.7, layer=5)
+    ink.fill(opening.rectangle((0, length), (-half, half)), face="white", edge=INK, width_pt=0.7, layer=5)
     pane = (opening.at(0, 0), opening.at(length, 0))
     ink.line(pane, color=INK, width_pt=0.6, layer=5.1)
 
@@ -77,23 +82,12 @@ def _draw_door(ink: Ink, site: Site, door: Door) -> None:
     opening, length = _opening(site, door.start, door.end), door.clear_width_m
     half = opening.half_m
     if door.closed:
-        leaf = [
-            opening.at(0, half - 0.05),
-            opening.at(length, half - 0.05),
-            opening.at(length, half),
-            opening.at(0, half),
-        ]
-        sill = [opening.at(0, -half), opening.at(length, -half), opening.at(length, half), opening.at(0, half)]
+        sill = opening.rectangle((0, length), (-half, half))
+        leaf = opening.rectangle((0, length), (half - 0.05, half))
         ink.fill(sill, face="white", edge=INK, width_pt=0.5, layer=5)
         ink.fill(leaf, face="#8a8a88", edge=INK, width_pt=0.5, layer=5.1)
         return
-    thickness = 0.04
-    leaf = [
-        opening.at(0, half),
-        opening.at(thickness, half),
-        opening.at(thickness, half + length),
-        opening.at(0, half + length),
-    ]
+    leaf = opening.rectangle((0, 0.04), (half, half + length))
     ink.fill(leaf, face="white", edge="#7a7a78", width_pt=0.6, layer=4)
     angles = [math.pi / 2 * step / 24 for step in range(25)]
     swing = [opening.at(length * math.cos(angle), half + length * math.sin(angle)) for angle in angles]
@@ -102,9 +96,6 @@ def _draw_door(ink: Ink, site: Site, door: Door) -> None:
 
 def name_room(axes: "Axes", site: Site, room: Room) -> None:
     """Write the room's name where the furniture leaves most space."""
-    import numpy as np
-    import shapely
-
     half_wide, half_high = 0.045 * len(room.name) + 0.1, 0.14
     busy = [thing.shape for thing in site.objects if thing.category not in NOT_DRAWN]
     busy += [wall.shape for wall in site.walls]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import shapely
+
 from vsnbench.report.plan.building import draw_building, name_room
 from vsnbench.report.plan.furniture import GOAL_COLORS, draw_furniture
 from vsnbench.report.plan.ink import INK, Ink
@@ -69,7 +71,8 @@ def draw_floor_plan(site: Site, axes: "Axes | None" = None, style: PlanStyle | N
         _draw_legend(ink, axes, site, x_max, y_min - 0.28 if below == 0.75 else y_min - 0.7)
     ink.put_on(axes)
     if wanted.success is not None:
-        _draw_success(axes, wanted.success)
+        for ring in shapely.get_rings(shapely.get_parts(wanted.success)):
+            axes.add_artist(success_outline(*shapely.get_coordinates(ring).T))
     axes.set_xlim(x_min - 0.15, x_max + 0.15)
     axes.set_ylim(y_min - 0.15 - below, y_max + 0.15)
     axes.set_aspect("equal")
@@ -126,14 +129,6 @@ def success_outline(x_m: "ArrayLike", y_m: "ArrayLike") -> "Line2D":
     from matplotlib.lines import Line2D
 
     return Line2D(x_m, y_m, color=_SUCCESS, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4.5)
-
-
-def _draw_success(axes: "Axes", region: "BaseGeometry") -> None:
-    import shapely
-
-    for ring in shapely.get_rings(shapely.get_parts(region)):
-        x_m, y_m = shapely.get_coordinates(ring).T
-        axes.add_artist(success_outline(x_m, y_m))
 
 
 def _draw_start(axes: "Axes", start: StartingPosition) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from vsnbench.report.study.primary import Primary, analyse, conclusion, in_order
+from vsnbench.report.study.conclusion import conclusion
+from vsnbench.report.study.primary import Primary, analyse, in_order
 from vsnbench.results.goals import goals_of_campaign
 from vsnbench.results.reading.blinding import HIDDEN
 from vsnbench.results.schema.engine import reading

@@ -4,6 +4,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from markupsafe import Markup
+
 from vsnbench import __version__
 from vsnbench.report.formats import latex, markdown
 from vsnbench.report.formats.html import page_environment, page_part
@@ -27,8 +29,6 @@ def to_latex(found: StudyFindings) -> str:
 
 def to_html(found: StudyFindings) -> str:
     """Return the report as a self-contained HTML page without scripts."""
-    from markupsafe import Markup
-
     environment = page_environment()
     tables = study_tables(found)
     return environment.get_template(

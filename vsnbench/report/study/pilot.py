@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.tables.report_table import Column, ReportTable, count, decimal, percent, row, word
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
 from vsnbench.study.file import StudyFile
 from vsnbench.study.power import decided_studies, pairs_of, unit_differences
 
@@ -152,9 +152,9 @@ def pilot_table(pairs: Sequence[PilotPair], study: StudyFile) -> ReportTable:
     needed = "blocks run" if decided else f"blocks for {study.power:.0%} power"
     rows = [
         row(
-            word(f"{pair.first} – {pair.second}"),
-            count(pair.cells),
-            word(cost.metric),
+            f"{pair.first} – {pair.second}",
+            pair.cells,
+            cost.metric,
             percent(cost.difference, 1),
             *([percent(cost.found, 0)] if cost.found is not None else []),
             decimal(cost.blocks, 0),

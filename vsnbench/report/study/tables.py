@@ -7,7 +7,7 @@ from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import goal_title
 from vsnbench.report.study.findings import StudyFindings
 from vsnbench.report.study.primary import Answer
-from vsnbench.report.tables.report_table import UNKNOWN, Cell, Column, ReportTable, Row, count, of, percent, row, word
+from vsnbench.report.tables.report_table import UNKNOWN, Cell, Column, ReportTable, Row, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.drift import Trend, trend
@@ -69,13 +69,13 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
         answer = f"{shown[result.winner]} {better}" if result.winner else undecided
     sign = "" if result.second is None else "+"
     return row(
-        word(question),
-        word("open" if result.open else answer),
-        count(result.cells),
-        count(result.trials),
-        word(k),
-        word(f"{100 * result.difference:{sign}.1f}" if known else UNKNOWN),
-        word(f"[{100 * result.low:{sign}.1f}, {100 * result.high:{sign}.1f}]" if known else UNKNOWN),
+        question,
+        "open" if result.open else answer,
+        result.cells,
+        result.trials,
+        k,
+        f"{100 * result.difference:{sign}.1f}" if known else UNKNOWN,
+        f"[{100 * result.low:{sign}.1f}, {100 * result.high:{sign}.1f}]" if known else UNKNOWN,
         Cell(_p(result.p), result.p if result.p is not None else -1.0),
     )
 
@@ -104,7 +104,7 @@ def _plan(found: StudyFindings) -> ReportTable:
         ("blind", "yes" if recorded.is_blind else "no longer" if recorded.blind else "no"),
     ]
     columns = (Column("field", number=False), Column("value", number=False))
-    return ReportTable("plan", "Locked plan", columns, tuple(row(word(a), word(b)) for a, b in facts))
+    return ReportTable("plan", "Locked plan", columns, tuple(row(a, b) for a, b in facts))
 
 
 def _conduct(found: StudyFindings) -> ReportTable:
@@ -116,12 +116,12 @@ def _conduct(found: StudyFindings) -> ReportTable:
         own = found.of(arm.name)
         rows.append(
             row(
-                word(found.shown[arm.name]),
-                count(len(own)),
-                count(sum(trial.done for trial in own)),
-                count(sum(trial.left for trial in own)),
-                count(sum(trial.done and trial.success is None for trial in own)),
-                count(sum(trial.voids for trial in own)),
+                found.shown[arm.name],
+                len(own),
+                sum(trial.done for trial in own),
+                sum(trial.left for trial in own),
+                sum(trial.done and trial.success is None for trial in own),
+                sum(trial.voids for trial in own),
             )
         )
     return ReportTable("conduct", "Completed and remaining trials", columns, tuple(rows))
@@ -129,7 +129,7 @@ def _conduct(found: StudyFindings) -> ReportTable:
 
 def _deviations(found: StudyFindings) -> ReportTable:
     columns = (Column("deviation", number=False), Column("description", number=False))
-    rows = tuple(row(word(deviation.what), word(deviation.words)) for deviation in found.deviations)
+    rows = tuple(row(deviation.what, deviation.words) for deviation in found.deviations)
     return ReportTable("deviations", "Deviations from the plan", columns, rows)
 
 
@@ -143,7 +143,7 @@ def _by_goal(found: StudyFindings) -> ReportTable:
         cells = [_share([trial for trial in own if trial.trial.goal == goal]) for goal in goals]
         rows.append(
             row(
-                word(found.shown[arm.name]),
+                found.shown[arm.name],
                 *cells,
                 _share([trial for trial in own if trial.trial.goal in found.plan.goals]),
             )
@@ -162,7 +162,7 @@ def _drift(found: StudyFindings) -> ReportTable:
     for operator in sorted({trial.operator for trial in done}):
         parts += [(f"run by {operator}", [trial for trial in done if trial.operator == operator])]
     columns = (Column("trials", number=False), Column("successes"), Column("SR %"))
-    rows = tuple(row(word(name), _share(own), percent(_rate(own), 1)) for name, own in parts)
+    rows = tuple(row(name, _share(own), percent(_rate(own), 1)) for name, own in parts)
     over_time = _over_time(done)
     how = "exact" if over_time.exact else "normal approximation"
     note = f"Trend with time, stratified by arm and goal: p {compared(over_time.p)}, {how}. Not planned in advance."

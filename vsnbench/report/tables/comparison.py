@@ -1,29 +1,29 @@
 """Comparisons and rankings as tables and as JSON values."""
 
-import math
+from dataclasses import asdict
 from typing import Any
 
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.fields import condition_fields, finite
+from vsnbench.report.analysis.fields import condition_fields, finite, interval_fields
 from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.comparison.compare import ALL, SHARED, Comparison, RateComparison
-from vsnbench.report.comparison.power import DesignPower
 from vsnbench.report.comparison.ranking import Ranking
 from vsnbench.report.comparison.verdicts import verdicts
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
+    EMPTY,
     Cell,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
+    interval_cell,
     interval_percent,
     of,
+    p_cell,
     percent,
+    rate_cells,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.report.wording import compared, listed
 from vsnbench.statistics.bootstrap import MIN_CLUSTERS
@@ -48,11 +48,7 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
                 note="Newcombe's interval of the difference, points; paired if the test is; unknown for two starts",
             ),
             Column("cells", rank=2, note="combinations of goal and starting position"),
-            Column(
-                "only A : only B",
-                rank=4,
-                note="matched episodes of which only one succeeded",
-            ),
+            Column("only A : only B", rank=4, note="matched episodes of which only one succeeded"),
             Column("p", note="two-sided p-value of the test in the next column"),
             Column("test", number=False, rank=3),
             Column("Holm p", rank=1, note="p after Holm's correction for all comparisons"),
@@ -75,11 +71,11 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
         ),
         rows=tuple(
             row(
-                word(effect.measure),
+                effect.measure,
                 decimal(effect.first, _places(effect.measure)),
                 decimal(effect.second, _places(effect.measure)),
                 decimal(effect.difference, _places(effect.measure)),
-                _plain_interval(effect.interval.low, effect.interval.high, _places(effect.measure)),
+                interval_cell(effect.interval, _places(effect.measure)),
             )
             for effect in comparison.effects
         ),
@@ -133,11 +129,9 @@ def ranking_table(ranking: Ranking) -> ReportTable:
         rows=tuple(
             row(
                 Cell(_ranks(ranked.ranks.best, ranked.ranks.worst), ranked.ranks.best),
-                word(ranked.condition.name),
-                of(ranked.proportion.successes, ranked.proportion.trials),
-                percent(ranked.proportion.rate),
-                interval_percent(ranked.interval.low, ranked.interval.high),
-                word(ranked.letters),
+                ranked.condition.name,
+                *rate_cells(ranked.proportion, ranked.interval),
+                ranked.letters,
             )
             for ranked in ranking.models
         ),
@@ -160,8 +154,7 @@ def ranking_fields(ranking: Ranking) -> dict[str, Any]:
                 "successes": ranked.proportion.successes,
                 "episodes": ranked.proportion.trials,
                 "success_rate": finite(ranked.proportion.rate),
-                "ci_low": finite(ranked.interval.low),
-                "ci_high": finite(ranked.interval.high),
+                **interval_fields(ranked.interval),
                 "letters": ranked.letters,
                 "best_rank": ranked.ranks.best,
                 "worst_rank": ranked.ranks.worst,
@@ -189,8 +182,7 @@ def comparison_fields(comparison: Comparison) -> dict[str, Any]:
                 "first": finite(effect.first),
                 "second": finite(effect.second),
                 "difference": finite(effect.difference),
-                "ci_low": finite(effect.interval.low),
-                "ci_high": finite(effect.interval.high),
+                **interval_fields(effect.interval),
             }
             for effect in comparison.effects
         ],
@@ -207,32 +199,26 @@ def _rate_row(rate: RateComparison, asked: int) -> Row:
     # A note lists the shared goals, because a list in the cell would wrap on a narrow terminal.
     scope = {ALL: "all", SHARED: "shared"}.get(rate.scope, rate.scope)
     matches, (mine, theirs), cells = rate.matches, rate.compared, rate.cells
-    unknown = Cell(UNKNOWN, -math.inf)
     return row(
-        word(scope),
+        scope,
         of(mine.successes, mine.trials),
         percent(mine.rate),
         of(theirs.successes, theirs.trials),
         percent(theirs.rate),
         decimal(100 * rate.difference, 2),
-        interval_percent(rate.interval.low, rate.interval.high),
-        count(cells[0]) if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
+        interval_percent(rate.interval),
+        cells[0] if cells[0] == cells[1] else Cell(f"{cells[0]}, {cells[1]}", cells[0]),
         Cell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
         if matches and matches.pairs
-        else unknown,
+        else EMPTY,
         p_cell(rate.p),
-        word(rate.test),
-        p_cell(rate.adjusted_p) if asked > 1 and rate.scope != ALL else unknown,
+        rate.test,
+        p_cell(rate.adjusted_p) if asked > 1 and rate.scope != ALL else EMPTY,
     )
 
 
 def _rate_fields(rate: RateComparison, level: float) -> dict[str, Any]:
-    pairing, matches, (mine, theirs), power = (
-        rate.pairing,
-        rate.matches,
-        rate.compared,
-        rate.power,
-    )
+    pairing, matches, (mine, theirs) = rate.pairing, rate.matches, rate.compared
     return {
         "scope": rate.scope,
         "goals_first": list(rate.goals[0]),
@@ -252,8 +238,7 @@ def _rate_fields(rate: RateComparison, level: float) -> dict[str, Any]:
         "paired": pairing is not None,
         "starts": pairing.starts if pairing else None,
         "difference": finite(rate.difference),
-        "ci_low": finite(rate.interval.low),
-        "ci_high": finite(rate.interval.high),
+        **interval_fields(rate.interval),
         "test": rate.test,
         "p": finite(rate.p),
         "adjusted_p": finite(rate.adjusted_p),
@@ -264,22 +249,9 @@ def _rate_fields(rate: RateComparison, level: float) -> dict[str, Any]:
         "matched_pairs": matches.pairs if matches else None,
         "only_first": matches.only_first if matches else None,
         "only_second": matches.only_second if matches else None,
-        "design_power": {name: getattr(power, name) for name in DesignPower.__dataclass_fields__} if power else None,
+        "design_power": asdict(rate.power) if rate.power else None,
     }
-
-
-def p_cell(value: float) -> Cell:
-    """Return a cell with a p-value."""
-    if math.isfinite(value) and value < 0.001:
-        return Cell("< 0.001", value)
-    return decimal(value, 3)
 
 
 def _places(measure: str) -> int:
     return 1 if measure.startswith(("actions", "driving", "thinking", "heading")) else 3
-
-
-def _plain_interval(low: float, high: float, places: int) -> Cell:
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return Cell(UNKNOWN, -math.inf)
-    return Cell(f"[{low:.{places}f}, {high:.{places}f}]", low)

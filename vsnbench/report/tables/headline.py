@@ -26,11 +26,6 @@ class Headlines:
     description: str
     """The goals for a title: `all goals`, `the shared goals (bed, chair)` or `each model's own goals`."""
 
-    @property
-    def alike(self) -> bool:
-        """Whether all rates cover the same goals."""
-        return len({headline.goals for headline in self.by_condition}) <= 1
-
 
 def headlines(conditions: Sequence[ConditionSummary]) -> Headlines:
     """Return the representative rates of several conditions.

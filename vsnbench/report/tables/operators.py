@@ -3,47 +3,17 @@
 The most important columns come first, because a phone shows four.
 """
 
+import math
 from typing import Any
 
-from vsnbench.report.analysis.fields import finite
+from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.operators import OperatorActivity
-from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
-    Column,
-    ReportTable,
-    count,
-    decimal,
-    interval_percent,
-    of,
-    percent,
-    row,
-    word,
-)
-from vsnbench.report.wording import compared
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, of, p_cell, percent, rate_cells, row
 from vsnbench.statistics.clustered import rate_interval
 
 
 def operator_table(operator_activity: OperatorActivity) -> ReportTable:
     """Return the table of operators: judged trials, successes, overruled estimates, interventions."""
-    rows = []
-    for operator in operator_activity.operators:
-        judged, interval = operator.judged.proportion, rate_interval(operator.judged)
-        rows.append(
-            row(
-                word(operator.name),
-                of(judged.successes, judged.trials),
-                percent(judged.rate, 1),
-                interval_percent(interval.low, interval.high, 1),
-                Cell(UNKNOWN, -1.0)
-                if operator.p is None
-                else Cell(compared(operator.p).removeprefix("= "), operator.p),
-                count(operator.overruled),
-                count(operator.interventions),
-                count(operator.sessions),
-                decimal(operator.hours, 2),
-            )
-        )
     return ReportTable(
         name="operators",
         title="Operators",
@@ -58,10 +28,21 @@ def operator_table(operator_activity: OperatorActivity) -> ReportTable:
             Column("sessions", rank=2),
             Column("hours", rank=3),
         ),
-        rows=tuple(rows),
+        rows=tuple(
+            row(
+                operator.name,
+                *rate_cells(operator.judged.proportion, rate_interval(operator.judged), 1),
+                p_cell(math.nan if operator.p is None else operator.p),
+                operator.overruled,
+                operator.interventions,
+                operator.sessions,
+                decimal(operator.hours, 2),
+            )
+            for operator in operator_activity.operators
+        ),
         notes=(
             "p: this operator against the others, stratified by model and goal, exact"
-            + (", Holm-corrected for the number of operators." if len(rows) > 2 else "."),
+            + (", Holm-corrected for the number of operators." if len(operator_activity.operators) > 2 else "."),
             "Operators were not assigned at random: a small p shows that days or operators differ, not who was wrong.",
         ),
     )
@@ -85,15 +66,15 @@ def session_table(operator_activity: OperatorActivity) -> ReportTable:
         ),
         rows=tuple(
             row(
-                count(session.number),
-                word(session.operator),
+                session.number,
+                session.operator,
                 of(session.outcomes.proportion.successes, session.outcomes.proportion.trials),
                 percent(session.outcomes.proportion.rate, 1),
-                count(session.interventions),
-                word(f"{session.began_at:%Y-%m-%d %H:%M}"),
+                session.interventions,
+                f"{session.began_at:%Y-%m-%d %H:%M}",
                 decimal(session.hours, 2),
-                count(session.attempts),
-                word(session.robot),
+                session.attempts,
+                session.robot,
             )
             for session in operator_activity.sessions
         ),
@@ -114,8 +95,7 @@ def operator_fields(operator_activity: OperatorActivity | None) -> dict[str, Any
                 "judged": operator.judged.proportion.trials,
                 "successes": operator.judged.proportion.successes,
                 "success_rate": finite(operator.judged.proportion.rate),
-                "ci_low": finite(rate_interval(operator.judged).low),
-                "ci_high": finite(rate_interval(operator.judged).high),
+                **interval_fields(rate_interval(operator.judged)),
                 "overruled": operator.overruled,
                 "interventions": operator.interventions,
                 "p": operator.p,

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
+import shapely
+
 from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.activity import Activity
 from vsnbench.report.analysis.conditions import footnotes
@@ -9,16 +11,7 @@ from vsnbench.report.analysis.courses import CourseSummary, site_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailurePlace
 from vsnbench.report.analysis.summary import Results
-from vsnbench.report.tables.report_table import (
-    Cell,
-    Column,
-    ReportTable,
-    count,
-    decimal,
-    row,
-    without_empty_columns,
-    word,
-)
+from vsnbench.report.tables.report_table import Cell, Column, ReportTable, decimal, row, without_empty_columns
 from vsnbench.sites.site import Site
 
 MAX_PLACES = 20
@@ -38,9 +31,9 @@ def _measures(results: Results, courses: Sequence[CourseSummary]) -> ReportTable
         summary, stages = by_number[course.condition], dict(course.stages)
         rows.append(
             row(
-                word(summary.condition.name),
+                summary.condition.name,
                 decimal(summary.total.progress, 3),
-                *(count(stages.get(stage, 0) if stages else None) for stage in Stage),
+                *(stages.get(stage, 0) if stages else None for stage in Stage),
                 decimal(course.clearance_min_m, 2),
                 decimal(course.clearance_p5_m, 2),
                 decimal(course.heading_change_deg_per_m, 0),
@@ -110,12 +103,12 @@ def _places(record: ReportData, results: Results, activity: Activity) -> Iterato
             ),
             rows=tuple(
                 row(
-                    count(number),
-                    word(place.kind.value),
-                    word(_room(site, place)),
+                    number,
+                    place.kind.value,
+                    _room(site, place),
                     decimal(place.x_m, 2),
                     decimal(place.y_m, 2),
-                    count(len(place.episodes)),
+                    len(place.episodes),
                     Cell(", ".join(map(str, place.episodes)), links=place.episodes),
                 )
                 for number, place in enumerate(failures.places[:MAX_PLACES], start=1)
@@ -126,7 +119,5 @@ def _places(record: ReportData, results: Results, activity: Activity) -> Iterato
 
 
 def _room(site: Site | None, place: FailurePlace) -> str:
-    import shapely
-
     here = shapely.Point(place.x_m, place.y_m)
     return next((room.name for room in site.rooms if room.shape.covers(here)), "") if site else ""

@@ -6,8 +6,7 @@ from dataclasses import replace
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.question import Question
 from vsnbench.report.tables.comparison import ranking_table
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, row, word
-from vsnbench.report.wording import compared
+from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, p_cell, row
 
 
 def question_tables(questions: Sequence[Question]) -> list[ReportTable]:
@@ -25,18 +24,18 @@ def question_tables(questions: Sequence[Question]) -> list[ReportTable]:
 def _pairs(question: Question, number: int) -> ReportTable:
     rows = []
     for comparison, rate in question.pairs:
-        (mine, theirs), interval = rate.compared, rate.interval
+        mine, theirs = rate.compared
         finding = "different" if rate.conclusion.names_winner else "no difference shown"
         rows.append(
             row(
-                word(comparison.first.name),
-                word(comparison.second.name),
+                comparison.first.name,
+                comparison.second.name,
                 of(mine.successes, mine.trials),
                 of(theirs.successes, theirs.trials),
                 decimal(100 * rate.difference, 1),
-                interval_percent(interval.low, interval.high, 1),
-                replace(decimal(rate.adjusted_p, 3), text=compared(rate.adjusted_p).removeprefix("= ")),
-                word(finding),
+                interval_percent(rate.interval, 1),
+                p_cell(rate.adjusted_p),
+                finding,
             )
         )
     left_out = f"Not compared: {'; '.join(question.not_compared)}." if question.not_compared else ""

@@ -7,18 +7,15 @@ from vsnbench.report.analysis.summary import ConditionSummary, GoalSummary, Resu
 from vsnbench.report.comparison.compare import Comparison, compare, over_goals
 from vsnbench.report.tables.comparison import comparison_tables
 from vsnbench.report.tables.report_table import (
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     interval_percent,
-    of,
-    percent,
+    rate_cells,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.report.tables.success import goal_table
 from vsnbench.report.wording import listed
@@ -106,22 +103,19 @@ def _goal_row(goal: str, condition_summary: ConditionSummary, summary: GoalSumma
 
 
 def _row(goal: str, condition_summary: ConditionSummary, mine: Summary, theirs: Summary | None, *, total: bool) -> Row:
-    unknown = decimal(float("nan"), 0)
-    difference: tuple[Cell, Cell] = (unknown, unknown)
+    difference = (EMPTY, EMPTY)
     if theirs and mine.episodes:
         interval = independent_difference(mine.outcomes, theirs.outcomes)
         difference = (
             decimal(100 * (mine.success_rate - theirs.success_rate), 2),
-            interval_percent(interval.low, interval.high),
+            interval_percent(interval),
         )
     actions = float("nan") if goal.startswith("shared: ") else mine.mean_actions
     return row(
-        word(goal),
-        word(condition_summary.condition.name),
-        word(f"{condition_summary.condition.environment}, {condition_summary.condition.site}"),
-        of(mine.successes, mine.episodes),
-        percent(mine.success_rate),
-        interval_percent(mine.interval.low, mine.interval.high),
+        goal,
+        condition_summary.condition.name,
+        f"{condition_summary.condition.environment}, {condition_summary.condition.site}",
+        *rate_cells(mine.proportion, mine.interval),
         decimal(actions, 1),
         *difference,
         total=total,
@@ -164,10 +158,8 @@ def _real_against_virtual(results: Results) -> ReportTable:
         ),
         rows=tuple(
             row(
-                word(summary.condition.name),
-                of(summary.total.successes, summary.total.episodes),
-                percent(summary.total.success_rate),
-                interval_percent(summary.total.interval.low, summary.total.interval.high),
+                summary.condition.name,
+                *rate_cells(summary.total.proportion, summary.total.interval),
                 decimal(model.virtual_success_percent, 0),
             )
             for model, summary in zip(published().models, results.conditions, strict=True)
@@ -182,10 +174,8 @@ def _real_against_virtual(results: Results) -> ReportTable:
 def paper_stability_table() -> ReportTable:
     """Return the driving time and distance of the paper's robots (paper, Table 6)."""
     paper = published()
-    rows = [
-        row(word(robot.robot), count(round(robot.hours)), decimal(robot.kilometres, 2)) for robot in paper.stability
-    ]
-    rows.append(row(word("all"), count(round(paper.hours)), decimal(paper.kilometres, 2), total=True))
+    rows = [row(robot.robot, round(robot.hours), decimal(robot.kilometres, 2)) for robot in paper.stability]
+    rows.append(row("all", round(paper.hours), decimal(paper.kilometres, 2), total=True))
     return ReportTable(
         name="paper-table-6",
         title="Paper, Table 6: stability",

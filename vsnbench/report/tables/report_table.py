@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.distance_text import distance_text
+from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
@@ -77,19 +78,19 @@ class ReportTable:
                 )
 
 
-def row(*cells: Cell, total: bool = False) -> Row:
-    """Return a row of these cells."""
-    return Row(tuple(cells), total)
+EMPTY = Cell(UNKNOWN, -math.inf)
+"""A dash, which sorts first."""
 
 
-def word(text: str) -> Cell:
-    """Return a text cell."""
-    return Cell(text)
+def row(*values: Cell | str | int | None, total: bool = False) -> Row:
+    """Return a row of cells, texts and integers; None is a dash."""
+    return Row(tuple(value if isinstance(value, Cell) else _cell(value) for value in values), total)
 
 
-def count(number: int | None) -> Cell:
-    """Return a cell with an integer, or a dash for None."""
-    return Cell(UNKNOWN, -math.inf) if number is None else Cell(str(number), number)
+def _cell(value: str | int | None) -> Cell:
+    if value is None:
+        return EMPTY
+    return Cell(value) if isinstance(value, str) else Cell(str(value), value)
 
 
 def of(part: int, whole: int) -> Cell:
@@ -99,13 +100,13 @@ def of(part: int, whole: int) -> Cell:
 
 def decimal(number: float, places: int) -> Cell:
     """Return a cell with a fixed number of decimals, or a dash for NaN, which sorts first."""
-    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else Cell(UNKNOWN, -math.inf)
+    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else EMPTY
 
 
 def goal_distance(distance_m: float, success_distance_m: float | None) -> Cell:
     """Return a cell with a distance to the goal, rounded so that it stays on its side of the success distance."""
     if not math.isfinite(distance_m):
-        return Cell(UNKNOWN, -math.inf)
+        return EMPTY
     return Cell(distance_text(distance_m, success_distance_m), distance_m)
 
 
@@ -114,11 +115,30 @@ def percent(share: float, places: int = 2) -> Cell:
     return decimal(share * 100, places)
 
 
-def interval_percent(low: float, high: float, places: int = 2) -> Cell:
+def p_cell(value: float) -> Cell:
+    """Return a cell with a p-value."""
+    return Cell("< 0.001", value) if value < 0.001 else decimal(value, 3)
+
+
+def interval_cell(interval: Interval, places: int, factor: int = 1) -> Cell:
+    """Return a cell with an interval times a factor, sorted by its lower end; a dash if it is unknown."""
+    if not interval.known:
+        return EMPTY
+    return Cell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
+
+
+def interval_percent(interval: Interval, places: int = 2) -> Cell:
     """Return a cell with an interval in percent, sorted by its lower end."""
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return Cell(UNKNOWN, -math.inf)
-    return Cell(f"[{low * 100:.{places}f}, {high * 100:.{places}f}]", low)
+    return interval_cell(interval, places, 100)
+
+
+def rate_cells(proportion: Proportion, interval: Interval, places: int = 2) -> tuple[Cell, Cell, Cell]:
+    """Return the cells of k/n, success rate and its interval in percent."""
+    return (
+        of(proportion.successes, proportion.trials),
+        percent(proportion.rate, places),
+        interval_percent(interval, places),
+    )
 
 
 def footnotes_of(tables: Iterable[ReportTable]) -> tuple[str, ...]:

@@ -3,19 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from vsnbench.report.analysis.fields import finite
+from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.judgements import RaterAgreement
-from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
-    Column,
-    ReportTable,
-    count,
-    decimal,
-    percent,
-    row,
-    word,
-)
+from vsnbench.report.tables.report_table import Cell, Column, ReportTable, decimal, interval_cell, percent, row
 from vsnbench.results.second_judgements import Outcome
 
 
@@ -33,7 +23,6 @@ def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
     rows = []
     for rater in raters:
         found = rater.agreement
-        low, high = found.interval.low, found.interval.high
         only_first, only_second = (
             sum(
                 number
@@ -44,13 +33,13 @@ def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
         )
         rows.append(
             row(
-                word(rater.rater),
-                count(found.items),
+                rater.rater,
+                found.items,
                 percent(found.same, 1),
                 decimal(found.kappa, 2),
-                Cell(f"[{low:.2f}, {high:.2f}]", low) if found.interval.known else Cell(UNKNOWN, -1.0),
-                count(only_first),
-                count(only_second),
+                interval_cell(found.interval, 2),
+                only_first,
+                only_second,
             )
         )
     return ReportTable(
@@ -86,12 +75,12 @@ def _differing_table(raters: Sequence[RaterAgreement]) -> ReportTable:
         rows=tuple(
             row(
                 Cell(str(differing.episode), differing.episode, links=(differing.episode,)),
-                word(rater.rater),
-                word(differing.goal),
-                count(differing.start),
-                word(differing.first),
-                word(differing.second),
-                word(differing.text),
+                rater.rater,
+                differing.goal,
+                differing.start,
+                differing.first,
+                differing.second,
+                differing.text,
             )
             for rater in raters
             for differing in rater.differing
@@ -107,8 +96,7 @@ def second_judgement_fields(raters: Sequence[RaterAgreement]) -> list[dict[str, 
             "episodes": rater.agreement.items,
             "same": finite(rater.agreement.same),
             "kappa": finite(rater.agreement.kappa),
-            "ci_low": finite(rater.agreement.interval.low),
-            "ci_high": finite(rater.agreement.interval.high),
+            **interval_fields(rater.agreement.interval),
             "outcomes": [
                 {"first": first.value, "second": second.value, "episodes": number}
                 for (first, second), number in sorted(rater.outcomes.items())

@@ -16,19 +16,7 @@ from vsnbench.report.analysis.sensitivity import (
     spread_between,
 )
 from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
-    Column,
-    ReportTable,
-    Row,
-    count,
-    interval_percent,
-    of,
-    percent,
-    row,
-    word,
-)
+from vsnbench.report.tables.report_table import EMPTY, Column, ReportTable, Row, interval_percent, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.text.sanitize import sanitize
 
@@ -76,11 +64,11 @@ def _groups(
 def _row(summary: ConditionSummary, recount: Recount) -> Row:
     proportion, interval = recount.proportion, recount.interval
     return row(
-        word(summary.condition.name),
-        word(recount.label),
+        summary.condition.name,
+        recount.label,
         of(proportion.successes, proportion.trials),
         percent(proportion.rate),
-        interval_percent(interval.low, interval.high) if interval else Cell(UNKNOWN, -1),
+        interval_percent(interval) if interval else EMPTY,
     )
 
 
@@ -129,9 +117,9 @@ def _grid(summary: ConditionSummary) -> ReportTable:
         columns=(Column("start"), *(Column(goal) for goal in cells.goals)),
         rows=tuple(
             row(
-                count(start),
+                start,
                 *(
-                    of(mine.successes, mine.trials) if (mine := cells.cells.get((goal, start))) else Cell(UNKNOWN, -1)
+                    of(mine.successes, mine.trials) if (mine := cells.cells.get((goal, start))) else EMPTY
                     for goal in cells.goals
                 ),
             )
@@ -149,9 +137,9 @@ def failure_table(results: Results, failures: Sequence[Failures]) -> ReportTable
         summary = by_number[counts.condition]
         rows += [
             row(
-                word(summary.condition.name),
-                word(kind.value),
-                count(number),
+                summary.condition.name,
+                kind.value,
+                number,
                 percent(number / counts.examined, 1),
             )
             for kind, number in counts.kinds
@@ -191,13 +179,13 @@ def judgement_table(results: Results, judgements: Sequence[Judgements]) -> Repor
         to_failure = sum(change.after is False for change in judged.overruled)
         rows.append(
             row(
-                word(summary.condition.name),
-                count(judged.judged),
-                count(len(judged.overruled)),
+                summary.condition.name,
+                judged.judged,
+                len(judged.overruled),
                 percent(judged.rate, 1),
-                count(to_success),
-                count(to_failure),
-                count(len(judged.overruled) - to_success - to_failure),
+                to_success,
+                to_failure,
+                len(judged.overruled) - to_success - to_failure,
             )
         )
         for change in judged.overruled[:_NAMED]:

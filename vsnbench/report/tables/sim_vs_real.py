@@ -5,21 +5,21 @@ from collections.abc import Sequence
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
+    interval_cell,
     interval_percent,
     of,
     percent,
+    rate_cells,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.report.wording import listed
+from vsnbench.statistics.agreement import Agreement, RankCorrelation
 
 
 def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
@@ -61,21 +61,17 @@ def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
 def _real_row(pair: SimRealPair) -> Row:
     a, b = pair.first, pair.second
     return row(
-        word(pair.real.model),
-        word(listed(pair.goals)),
-        word(pair.real.name),
-        of(a.successes, a.episodes),
-        percent(a.success_rate),
-        interval_percent(a.interval.low, a.interval.high),
+        pair.real.model,
+        listed(pair.goals),
+        pair.real.name,
+        *rate_cells(a.proportion, a.interval),
         of(a.episodes, a.planned),
-        word(pair.simulated.name),
-        of(b.successes, b.episodes),
-        percent(b.success_rate),
-        interval_percent(b.interval.low, b.interval.high),
+        pair.simulated.name,
+        *rate_cells(b.proportion, b.interval),
         of(b.episodes, b.planned),
         decimal(100 * pair.difference, 2),
-        interval_percent(pair.interval.low, pair.interval.high),
-        count(len(pair.pairing.outcomes.cells)) if pair.pairing else Cell(UNKNOWN, -1),
+        interval_percent(pair.interval),
+        len(pair.pairing.outcomes.cells) if pair.pairing else EMPTY,
     )
 
 
@@ -88,8 +84,10 @@ _POWERED = (
 
 def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
     """Agreement of real and simulated cells, and the prediction-powered rate; None without shared cells."""
-    paired = [pair for pair in found if pair.pairing]
-    if not paired:
+    rows = tuple(
+        _agreement_row(pair, like, ranks) for pair in found if (like := pair.agreement) and (ranks := pair.ranks)
+    )
+    if not rows:
         return None
     return without_empty_columns(
         ReportTable(
@@ -112,37 +110,34 @@ def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
                 Column("tuning", rank=3, note="weight of the simulated results, 0 to 1"),
                 Column("cells saved", rank=1, note="additional real cells that would give the same precision"),
             ),
-            rows=tuple(_agreement_row(pair) for pair in paired),
+            rows=rows,
             notes=(_POWERED,),
         )
     )
 
 
-def _agreement_row(pair: SimRealPair) -> Row:
-    like, ranks, gain = pair.agreement, pair.ranks, pair.powered
-    if like is None or ranks is None:
-        raise ValueError("a pair without shared cells has no row")
-    unknown = decimal(float("nan"), 0)
+def _agreement_row(pair: SimRealPair, like: Agreement, ranks: RankCorrelation) -> Row:
+    gain = pair.powered
     return row(
-        word(pair.real.name),
-        word(pair.simulated.name),
-        count(like.cells),
+        pair.real.name,
+        pair.simulated.name,
+        like.cells,
         decimal(100 * like.bias, 1),
         decimal(100 * like.error, 1),
         percent(like.same, 1),
         decimal(like.kappa, 2),
         decimal(ranks.rho, 2),
-        Cell(f"[{ranks.interval.low:.2f}, {ranks.interval.high:.2f}]") if ranks.interval.known else unknown,
+        interval_cell(ranks.interval, 2),
         *(
             (
                 percent(gain.plain_rate),
-                interval_percent(gain.plain_interval.low, gain.plain_interval.high),
+                interval_percent(gain.plain_interval),
                 percent(gain.rate),
-                interval_percent(gain.interval.low, gain.interval.high),
+                interval_percent(gain.interval),
                 decimal(gain.tuning, 2),
                 decimal(gain.saved, 1),
             )
             if gain
-            else (unknown,) * 6
+            else (EMPTY,) * 6
         ),
     )

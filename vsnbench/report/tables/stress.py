@@ -1,27 +1,25 @@
 """Losses by disturbances as tables and JSON values."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.fields import condition_fields, finite, summary_fields
+from vsnbench.report.analysis.fields import condition_fields, finite, interval_fields, summary_fields
 from vsnbench.report.comparison.effects import EffectComparison
-from vsnbench.report.comparison.stress import Harm, Loss, LostTrial, StressedModel
-from vsnbench.report.tables.comparison import p_cell
+from vsnbench.report.comparison.stress import Harm, Loss, StressedModel
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     interval_percent,
     of,
+    p_cell,
     percent,
     row,
     without_empty_columns,
-    word,
 )
 from vsnbench.statistics.conclusion import Conclusion
 
@@ -65,7 +63,7 @@ def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
                 {
                     "disturbance": harm.name,
                     "mean_loss": finite(harm.mean_loss),
-                    "examples": [_trial_fields(trial) for trial in harm.examples],
+                    "examples": [asdict(trial) for trial in harm.examples],
                 }
                 for harm in model.most_harmful
             ],
@@ -76,14 +74,13 @@ def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
 
 def _undisturbed_row(model: StressedModel, measures: int) -> Row:
     total = model.undisturbed.total
-    empty = Cell(UNKNOWN, -1.0)
     return row(
-        word("undisturbed"),
-        empty,
-        word(""),
+        "undisturbed",
+        EMPTY,
+        "",
         of(total.successes, total.episodes),
         percent(total.success_rate, 1),
-        *[empty] * (4 + measures),
+        *[EMPTY] * (4 + measures),
     )
 
 
@@ -92,15 +89,15 @@ def _row(loss: Loss, measures: Sequence[str]) -> Row:
     disturbed = rate.compared[1]
     effects = {effect.measure: effect for effect in loss.effects}
     return row(
-        word(disturbance.name),
-        count(disturbance.severity),
-        word(f"{disturbance.value:g} {disturbance.kind.unit}"),
+        disturbance.name,
+        disturbance.severity,
+        f"{disturbance.value:g} {disturbance.kind.unit}",
         of(disturbed.successes, disturbed.trials),
         percent(disturbed.rate, 1),
         decimal(100 * rate.difference, 1),
-        interval_percent(rate.interval.low, rate.interval.high, 1),
+        interval_percent(rate.interval, 1),
         p_cell(rate.adjusted_p),
-        *(decimal(effects[name].difference, 3) if name in effects else Cell(UNKNOWN, -1.0) for name in measures),
+        *(decimal(effects[name].difference, 3) if name in effects else EMPTY for name in measures),
         of(loss.changed, loss.matched),
     )
 
@@ -148,15 +145,14 @@ def _loss_fields(loss: Loss) -> dict[str, Any]:
         "episodes": disturbed.trials,
         "success_rate": finite(disturbed.rate),
         "loss": finite(rate.difference),
-        "ci_low": finite(rate.interval.low),
-        "ci_high": finite(rate.interval.high),
+        **interval_fields(rate.interval),
         "p": finite(rate.p),
         "adjusted_p": finite(rate.adjusted_p),
         "conclusion": rate.conclusion.value,
         "effects": [_effect_fields(effect) for effect in loss.effects],
         "changed": loss.changed,
         "matched": loss.matched,
-        "lost": [_trial_fields(trial) for trial in loss.lost],
+        "lost": [asdict(trial) for trial in loss.lost],
     }
 
 
@@ -166,15 +162,5 @@ def _effect_fields(effect: EffectComparison) -> dict[str, Any]:
         "undisturbed": finite(effect.first),
         "disturbed": finite(effect.second),
         "loss": finite(effect.difference),
-        "ci_low": finite(effect.interval.low),
-        "ci_high": finite(effect.interval.high),
-    }
-
-
-def _trial_fields(trial: LostTrial) -> dict[str, Any]:
-    return {
-        "goal": trial.goal,
-        "start": trial.start,
-        "undisturbed": trial.undisturbed,
-        "disturbed": trial.disturbed,
+        **interval_fields(effect.interval),
     }

@@ -1,6 +1,5 @@
 """Tables of success by goal, starting position and end reason; stability and actions."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 from vsnbench.protocol.judge import EndReason
@@ -11,34 +10,31 @@ from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
 from vsnbench.report.tables.headline import headlines
 from vsnbench.report.tables.report_table import (
-    UNKNOWN,
-    Cell,
+    EMPTY,
     Column,
     ReportTable,
     Row,
-    count,
     decimal,
     goal_distance,
     interval_percent,
     of,
     percent,
+    rate_cells,
     row,
-    word,
 )
 from vsnbench.report.wording import listed
 from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.text.sanitize import counted
 
-_INTERVAL = (
-    "Wilson's interval of the success rate at the effective sample size, percent; clustered by starting position"
-)
-_RATES = (
+_COLUMNS = (
     Column("k/n", note="successful episodes of counted episodes, one per trial"),
     Column("SR %", note="success rate (paper, Section 4.1)"),
-    Column("95 % interval", note=_INTERVAL),
-)
-_MEASURES = (
+    Column(
+        "95 % interval",
+        note="Wilson's interval of the success rate at the effective sample size, percent; clustered by starting "
+        "position",
+    ),
     Column("actions", note="mean number of actions over all counted episodes, as in the paper"),
     Column("actions (succ.)", rank=1, note="mean number of actions over the successful episodes"),
     Column("SPL", rank=1, note="success weighted by path length, 0 to 1"),
@@ -47,11 +43,10 @@ _MEASURES = (
     Column("median d (m)", rank=3, note="median final distance to the nearest instance's footprint, metres"),
     Column("coll.", rank=3, note="episodes that ended with a collision"),
     Column("limit", rank=3, note="episodes that reached a limit on actions, time or path"),
-)
-_COVERAGE = (
     Column("done", note="completed trials of planned trials"),
     Column("void", rank=2, note="void attempts, not counted in any rate"),
 )
+"""Columns of `_summary_row` after the first."""
 
 
 def overview_table(results: Results) -> ReportTable:
@@ -61,17 +56,10 @@ def overview_table(results: Results) -> ReportTable:
     rows = []
     for summary, headline in zip(results.conditions, shown.by_condition, strict=True):
         known = {goal.goal: goal.summary for goal in summary.goals}
-        cells = [percent(known[goal].success_rate, 0) if goal in known else Cell(UNKNOWN, -math.inf) for goal in goals]
-        total, interval = headline.summary, headline.summary.interval
-        rows.append(
-            row(
-                word(summary.condition.name),
-                *cells,
-                percent(total.success_rate, 1),
-                interval_percent(interval.low, interval.high, 1),
-                count(total.episodes),
-            )
-        )
+        cells = [percent(known[goal].success_rate, 0) if goal in known else EMPTY for goal in goals]
+        total = headline.summary
+        rate = (percent(total.success_rate, 1), interval_percent(total.interval, 1), total.episodes)
+        rows.append(row(summary.condition.name, *cells, *rate))
     return ReportTable(
         name="overview",
         title="Success rate by goal, percent",
@@ -92,14 +80,15 @@ def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
     success_m = summary.condition.success_distance_m
     rows = [_summary_row(goal.title, goal.summary, success_m) for goal in summary.goals]
-    rows += [_summary_row(f"{kind.kind} goals", kind.summary, success_m, total=True) for kind in summary.kinds]
-    rows.append(_summary_row("all", summary.total, success_m, total=True))
+    totals = [(f"{kind} goals", total) for kind, total in summary.kinds.items()]
+    totals.append(("all", summary.total))
     if summary.shared:
-        rows.append(_summary_row(f"shared: {listed(summary.shared_goals)}", summary.shared, success_m, total=True))
+        totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
+    rows += [_summary_row(name, total, success_m, total=True) for name, total in totals]
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
-        columns=(Column("goal", number=False), *_RATES, *_MEASURES, *_COVERAGE),
+        columns=(Column("goal", number=False), *_COLUMNS),
         rows=tuple(rows),
         notes=(summary.condition.description, *_caveats(summary.total)),
         condition=summary.condition.number,
@@ -119,10 +108,7 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> Rep
             Column("hash", number=False, note="beginning of the SHA-256 of the goal's definition"),
         ),
         rows=tuple(
-            row(
-                *(word(text) for text in (name, goals[name].kind, goals[name].text, goals[name].target_text)),
-                word(goals[name].sha256[:12]),
-            )
+            row(name, goals[name].kind, goals[name].text, goals[name].target_text, goals[name].sha256[:12])
             for name in used
         ),
     )
@@ -134,18 +120,11 @@ def start_table(summary: ConditionSummary) -> ReportTable:
     return ReportTable(
         name=f"starts-{summary.condition.number}",
         title=f"{summary.condition.name}: success by starting position",
-        columns=(Column("start"), *_RATES, *_MEASURES, *_COVERAGE),
+        columns=(Column("start"), *_COLUMNS),
         rows=tuple(
-            Row(
-                (
-                    count(start.start),
-                    *_rates(start.summary),
-                    *_measures(start.summary, summary.condition.success_distance_m),
-                    *_coverage(start.summary),
-                )
-            )
-            for start in summary.starts
-            if start.start > 0  # 0: an import without starting positions
+            _summary_row(start, mine, summary.condition.success_distance_m)
+            for start, mine in summary.starts.items()
+            if start > 0
         ),
         notes=(f"Positions without a success: {listed(never)}.",) if summary.total.episodes else (),
         condition=summary.condition.number,
@@ -156,18 +135,16 @@ def end_reason_table(results: Results) -> ReportTable:
     """Return the number of episodes by end reason and condition."""
     rows = [
         row(
-            word(summary.condition.name),
-            word(end.end_reason),
-            count(end.attempts),
-            count(end.counted),
+            summary.condition.name,
+            end.end_reason,
+            end.attempts,
+            end.counted,
             percent(end.counted / summary.total.episodes if end.counted else float("nan")),
-            word(
-                "result"
-                if end.end_reason in _RESULTS
-                else "void"
-                if summary.condition.kind == IMPORTED
-                else "void: run again"
-            ),
+            "result"
+            if end.end_reason in _RESULTS
+            else "void"
+            if summary.condition.kind == IMPORTED
+            else "void: run again",
         )
         for summary in results.conditions
         for end in summary.ends
@@ -225,14 +202,14 @@ def stability_table(robots: Sequence[RobotActivity]) -> ReportTable:
 def _stability_row(name: str, *robots: RobotActivity, total: bool = False) -> Row:
     metres, failures = sum(robot.path_m for robot in robots), sum(robot.failures for robot in robots)
     return row(
-        word(name),
+        name,
         decimal(sum(robot.driving_s for robot in robots) / 3600, 2),
         decimal(sum(robot.elapsed_s for robot in robots) / 3600, 2),
         decimal(metres / 1000, 2),
-        count(sum(robot.episodes for robot in robots)),
-        count(sum(robot.interventions for robot in robots)),
-        count(sum(robot.collisions for robot in robots)),
-        count(failures),
+        sum(robot.episodes for robot in robots),
+        sum(robot.interventions for robot in robots),
+        sum(robot.collisions for robot in robots),
+        failures,
         decimal(failures / metres * 1000 if metres > 0 else float("nan"), 2),
         total=total,
     )
@@ -246,10 +223,10 @@ def action_table(results: Results, actions: Sequence[ActionCount]) -> ReportTabl
         whole = sum(usage.steps for usage in mine)
         rows += [
             row(
-                word(summary.condition.name),
-                word(usage.raw_action),
-                word("blocked by the depth guard" if usage.blocked else usage.action),
-                count(usage.steps),
+                summary.condition.name,
+                usage.raw_action,
+                "blocked by the depth guard" if usage.blocked else usage.action,
+                usage.steps,
                 percent(usage.steps / whole),
             )
             for usage in sorted(mine, key=lambda usage: (-usage.steps, usage.raw_action))
@@ -265,8 +242,9 @@ def action_table(results: Results, actions: Sequence[ActionCount]) -> ReportTabl
             Column("%"),
         ),
         rows=tuple(rows),
-        notes=tuple(
-            filter(None, ("Counted episodes only.", kinds_note(summary.condition for summary in results.conditions)))
+        notes=(
+            "Counted episodes only.",
+            *filter(None, [kinds_note(summary.condition for summary in results.conditions)]),
         ),
         footnotes=footnotes([summary.condition for summary in results.conditions]),
     )
@@ -306,31 +284,19 @@ def _caveats(total: Summary) -> list[str]:
     return notes
 
 
-def _summary_row(name: str, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
-    return Row((word(name), *_rates(summary), *_measures(summary, success_m), *_coverage(summary)), total)
-
-
-def _rates(summary: Summary) -> tuple[Cell, ...]:
-    interval = summary.interval
-    return (
-        of(summary.successes, summary.episodes),
-        percent(summary.success_rate),
-        interval_percent(interval.low, interval.high),
-    )
-
-
-def _measures(summary: Summary, success_m: float | None) -> tuple[Cell, ...]:
-    return (
+def _summary_row(name: str | int, summary: Summary, success_m: float | None, *, total: bool = False) -> Row:
+    return row(
+        name,
+        *rate_cells(summary.proportion, summary.interval),
         decimal(summary.mean_actions, 1),
         decimal(summary.mean_actions_successful, 1),
         decimal(summary.spl, 3),
         decimal(summary.soft_spl, 3),
         decimal(summary.sct, 3),
         goal_distance(summary.median_distance_m, success_m),
-        count(summary.collisions),
-        count(summary.limits),
+        summary.collisions,
+        summary.limits,
+        of(summary.episodes, summary.planned),
+        summary.void,
+        total=total,
     )
-
-
-def _coverage(summary: Summary) -> tuple[Cell, ...]:
-    return (of(summary.episodes, summary.planned), count(summary.void))

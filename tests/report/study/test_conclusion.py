@@ -6,7 +6,8 @@ import pytest
 
 from tests.report.study.test_primary import SHOWN, standing
 from tests.study.studies import small_study
-from vsnbench.report.study.primary import analyse, conclusion, in_order
+from vsnbench.report.study.conclusion import conclusion
+from vsnbench.report.study.primary import analyse, in_order
 from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.study.file import StudyFile
 
