@@ -7,12 +7,6 @@ from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.summary import Summary
 from vsnbench.statistics.rates import Interval
 
-_CONDITION = (
-    *("name", "model", "weights_label", "weights_sha256", "surveyed", "robot", "kind", "environment", "published"),
-    *("site", "site_sha256", "protocol_name", "max_actions", "max_time_s", "max_path_m", "success_distance_m"),
-)
-"""Attributes of a condition that are fields of the same name."""
-
 
 def finite(number: float) -> float | None:
     """Return a number for JSON: None for NaN and infinities."""
@@ -60,4 +54,22 @@ def summary_fields(summary: Summary) -> dict[str, Any]:
 
 def condition_fields(condition: Condition) -> dict[str, Any]:
     """Return a condition with stable field names."""
-    return {name: getattr(condition, name) for name in _CONDITION} | {"noise": condition.noisy}
+    return {
+        "name": condition.name,
+        "model": condition.model,
+        "weights_label": condition.weights_label,
+        "weights_sha256": condition.weights_sha256,
+        "surveyed": condition.surveyed,
+        "robot": condition.robot,
+        "kind": condition.kind,
+        "environment": condition.environment,
+        "published": condition.published,
+        "site": condition.site,
+        "site_sha256": condition.site_sha256,
+        "protocol_name": condition.protocol_name,
+        "max_actions": condition.max_actions,
+        "max_time_s": condition.max_time_s,
+        "max_path_m": condition.max_path_m,
+        "success_distance_m": condition.success_distance_m,
+        "noise": condition.noisy,
+    }
