@@ -11,6 +11,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Table, select
 
+from vsnbench import __version__
 from vsnbench.errors import RecordError
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
@@ -39,6 +40,9 @@ RAW_TABLES: Mapping[str, tuple[Table, frozenset[str]]] = {
 }
 """Name of a CSV file -> table of the record, and the columns that are left out."""
 _AT_ONCE = 500
+ENVIRONMENT = "environment.json"
+MADE_BY = "made_by_vsnbench"
+"""Key of the version that made the report and the tables."""
 
 
 def write_derived_files(results: Path, into: Path, note: LockNote | None = None) -> None:
@@ -56,7 +60,7 @@ def write_derived_files(results: Path, into: Path, note: LockNote | None = None)
         with open_record(url) as engine, transaction(reading(engine)) as connection:
             for table in (Site, Robot, Model):
                 _write_conditions(connection, table.__table__, into / "conditions")  # type: ignore[arg-type]
-            _write_json(into / "environment.json", _environment(connection))
+            _write_json(into / ENVIRONMENT, {MADE_BY: __version__} | _environment(connection))
         _write_study(url, into, note)
     except OSError as error:
         raise RecordError(f"cannot write {into}: {error.strerror or error}", advice="free some space") from error
