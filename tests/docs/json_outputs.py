@@ -22,20 +22,14 @@ from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
 from tests.docs.json_files import write_files
+from tests.docs.json_records import write_placed_record, write_rich_record
 from tests.docs.pages import ROOT
-from tests.report.records import Attempt, Lab
-from tests.results.records_of_a_lab import complete, plan, stopped
 from tests.results.records_of_a_lab import run as run_trial
+from tests.results.records_of_a_lab import stopped
 from vsnbench.cli.main import main
-from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.second_judgements import Outcome
 from vsnbench.results.studies.queries import studies
-from vsnbench.results.writing.entries import EpisodeBegin
 from vsnbench.results.writing.journal import Journal
-from vsnbench.values.fix import Fix, PoseSource
-from vsnbench.values.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
-from vsnbench.values.pose import Pose
 
 SHORT = "--max-steps 2"
 GOALS = "run --site goals.yaml --keep none --results goals"
@@ -240,12 +234,13 @@ BEFORE = {
 
 def faults(schema: str, value: Any) -> list[str]:
     """Return how an output differs from a schema, undocumented keys included."""
-    validator = Draft202012Validator({"$ref": f"{schema}.json"}, registry=_registry())
+    validator = Draft202012Validator({"$ref": f"{schema}.json"}, registry=registry())
     return [f"{error.json_path}: {error.message[:300]}" for error in validator.iter_errors(value)]
 
 
 @cache
-def _registry() -> "Registry[Any]":
+def registry() -> "Registry[Any]":
+    """Return the schemas by file name, each allowing only the keys that it names."""
     files = [(path.name, json.loads(path.read_text(encoding="utf-8"))) for path in SCHEMAS.glob("*.json")]
     return Registry().with_resources((name, Resource.from_contents(_closed(schema))) for name, schema in files)
 
@@ -324,55 +319,3 @@ def _served(directory: Path) -> Iterator[None]:
 class _Handler(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
         """Print nothing."""
-
-
-def attempts(successes: int, *, starts: int = 15, operator: str = "") -> list[Attempt]:
-    """Return episodes of which the first ones succeed, and the fifteenth ends with a collision."""
-    ends = {15: EndReason.COLLISION}
-    return [
-        Attempt(
-            start=start,
-            success=start <= successes,
-            end_reason=ends.get(start, EndReason.STOP),
-            distance_m=0.5 if start <= successes else 3.0,
-            operator=operator,
-        )
-        for start in range(1, starts + 1)
-    ]
-
-
-def write_placed_record(directory: Path) -> None:
-    """Write an episode of an operator who measured the robot's pose at its starting position."""
-    directory.mkdir()
-    mark, pose = Pose(1.0, 1.0, 0.5), Pose(1.03, 1.01, 0.52)
-    covariance = PoseCovariance(1e-4, 0.0, 0.0, 2e-4, 0.0, 1e-5)
-    method, found = PlacementMethod.TURN, {"undetermined": ("left and right",), "moved": ("chair_1",)}
-    measured = MeasuredPlacement(1, mark, pose, covariance, PlacementTolerance(), method, 13, **found)
-    with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
-        (trial, *_) = journal.find_or_create_campaign(plan()).trials
-        claim = journal.claim_next(trial.campaign_id, [trial.id])
-        assert claim is not None
-        journal.set_operator(claim.id, "Ana")
-        journal.place(claim.id, Fix(pose, PoseSource.MEASURED))
-        journal.begin(claim.id, EpisodeBegin(measured=measured))
-        complete(journal, claim, stopped(success=True))
-        journal.clear_operator()
-
-
-def write_rich_record(directory: Path) -> Path:
-    """Write a record with every kind of table: several models, seeds, operators, real and simulated trials."""
-    directory.mkdir(exist_ok=True)
-    lab = Lab(directory)
-    for model, successes in (("vlv", 9), ("pirlnav", 6), ("forward", 2)):
-        lab.write(attempts(successes, operator="Ana"), model=model, simulated=False)
-        lab.write(attempts(successes + 1), model=model)
-        lab.write(attempts(successes), model=model, seed=1)
-    lab.write(attempts(5, operator="Ben"), model="vlv", simulated=False, seed=1)
-    lab.write(attempts(6, starts=10), model="random", simulated=False)
-    lab.write(attempts(7), model="random")
-    with lab.journal() as journal:
-        journal.judge(1, Verdict(EndReason.COLLISION, False, "contact with the bed"), author="Ana")
-        for number in range(16, 31):
-            outcome = Outcome.FAILURE if number % 5 == 0 else Outcome.SUCCESS
-            journal.judge_second(number, "Grace", outcome, "0.5 m to the nearest chair")
-    return directory
