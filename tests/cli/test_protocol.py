@@ -42,6 +42,9 @@ def test_check_reports_faults_by_line_and_fails(run: Run) -> None:
     assert answer.code == 1
     found = [(fault["line"], fault["field"], fault["code"]) for fault in json.loads(answer.out)["faults"]]
     assert found == [(2, "max_tim_s", "unknown-field"), (3, "max_path_m", "invalid-field")]
+    Path("lab.yaml").write_text("name: lab\nmax_time_s: 5\nname: lab\n")
+    (fault,) = json.loads(run("protocol", "check", "lab.yaml", "--json").out)["faults"]
+    assert fault["line"] == 3
     Path("lab.yaml").write_text("name: lab\nmax_time_s: 5\n")
     assert run("protocol", "check", "lab.yaml").code == 0
 

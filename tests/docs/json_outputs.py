@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import sqlite3
 import sys
 import threading
@@ -20,46 +21,46 @@ from unittest import mock
 from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
+from tests.docs.json_files import write_files
+from tests.docs.json_records import write_placed_record, write_rich_record
 from tests.docs.pages import ROOT
-from tests.report.records import Attempt, Lab
-from tests.results.locked_study import run_ranks
+from tests.results.records_of_a_lab import run as run_trial
+from tests.results.records_of_a_lab import stopped
 from vsnbench.cli.main import main
-from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.second_judgements import Outcome
 from vsnbench.results.studies.queries import studies
 from vsnbench.results.writing.journal import Journal
 
-DRY_LOG = "1700000000.5,chair,['Forward', 'Left', 'Stop'],3\n"
-HABITAT = [{"object_category": "bed", "success": 1, "num_steps": 71}]
-LATE_CARD = """from vsnbench import ModelCard, Policy, Sensor
-
-
-class Late(Policy):
-    def __init__(self):
-        self.card = ModelCard("late", sensors=frozenset({Sensor.RGB}))
-"""
-"""A model whose card is known only when it is created."""
 SHORT = "--max-steps 2"
+GOALS = "run --site goals.yaml --keep none --results goals"
+STRESS = "stress --site goals.yaml --model answers:Fragile --results stressed"
 STUDY = "--arm oracle --arm random --goal chair --starts 1-6"
 
 COMMANDS = f"""
 init other
+init other --quiet
 config show
 sites list
 sites show apartment
+sites show goals.yaml
 sites check other/lab.yaml
 sites check flawed.yaml
+sites check invalid-site.yaml
 sites draw apartment --output plan.svg
 sites render other/lab.yaml --output look.png
 sites generate --seed 3
 sites export apartment --map map.yaml
 protocol list
 protocol show ros4vsn
+protocol show protocol.yaml
 protocol check protocol.yaml
+protocol check invalid-protocol.yaml
 robots list
 robots show lola2
+robots show robot.yaml
 robots check turtlebot2
+robots check robot.yaml
+robots check invalid-robot.yaml
 models new walker
 models list
 models show oracle
@@ -68,6 +69,7 @@ models show late:Late
 models check random
 models check pirlnav
 models check pirlnav --robot lola2
+study check progress.yaml
 models fetch pirlnav ADDRESS --sha256 SHA256
 doctor
 doctor --robot turtlebot2
@@ -77,17 +79,27 @@ run --model random --goal chair --starts 1 {SHORT}
 run --model random,forward --goal chair --starts 1-2 {SHORT} --keep none
 run --model oracle-waypoints --goal chair --starts 1
 run --model forward --goal bed --starts 1 {SHORT} --rehearse --unattended
+run --model answers:Answers --goal chair --site goals.yaml --starts 3 --max-steps 20
+run --model answers:Broken --goal chair --starts 1-4 {SHORT} --results broken
+run --model random,late:Late --goal chair --starts 1 {SHORT} --keep none --results broken
+run --model random --site flat:0,flat:4 --goal bathtub --starts 1 {SHORT} --keep none --results broken
+{GOALS} --model random,forward --goal chair,low-table --starts 1-2 {SHORT}
+{GOALS} --model random --goal chair --starts 1 --protocol protocol.yaml --max-steps 3
 stress --model random --goal chair --starts 1 {SHORT} --disturb blur --severity 3 --results stressed
+{STRESS} --goal chair --starts 4-11 --protocol protocol.yaml {SHORT} --disturb low_light --severity 3
+note 1 hello --tag first
 episodes list
 episodes list --results rich
 episodes show 1 --steps
 episodes show 1 --results rich
+episodes show 7 --steps
+episodes show 1 --results placed
+episodes show 3 --results goals
 judge --pending
 judge 5 --distance 3 --yes
 judge 1 --second Grace --distance 3
 judge 1 --second Grace --retract
 judge 3 --void visitor --yes
-note 1 hello --tag first
 view 1
 export tum tum
 export habitat habitat
@@ -100,16 +112,21 @@ export video 1
 bundle packed.zip --campaign 1
 verify results
 verify packed.zip
+verify rich
 import ros4vsn log --model vlv --results imported
 import habitat episodes.json --model vlv --max-steps 500 --success-distance 1 --results imported
 report
 report --results rich
 report --reference paper --results rich
 report --output page
-report --website website
+report --website website --results rich
 compare vlv_real pirlnav_real forward_real --results rich
 compare vlv_real pirlnav_real --results rich
+compare random_under_short random_under_ros4vsn forward --results goals
+report --results goals
+db status --results first
 db upgrade --results first
+db upgrade --results new
 episodes list --results first
 episodes show 1 --steps --results first
 report --results first
@@ -121,8 +138,10 @@ db restore backup.db
 db merge imported
 db merge imported --results merged
 db merge rich --results merged --without-images
-db remove-import 5
+db remove-import 6
 db delete --episode 2 --reason test --yes
+db delete --campaign 1 --reason test --yes --results goals
+study plan progress.yaml --results rich
 study new {STUDY}
 study check
 study plan
@@ -130,8 +149,12 @@ study lock
 study run --unattended --only-next
 study run --unattended
 study status
+study status study.yaml
 study amend --reason more
 study unblind --reason done
+db merge results --results blind
+study status study.yaml --results blind
+verify results --quiet
 study report
 study report --output study-page
 """
@@ -143,7 +166,18 @@ SCHEMAS = ROOT / "docs" / "schemas"
 CONTENT = b"weights" * 1000
 _VALUES = {"SHA256": hashlib.sha256(CONTENT).hexdigest()}
 """Word of a command -> its value."""
-FINDS = {"place", "doctor", "sites check", "verify", "run", "stress", "study run", "models check"}
+FINDS = {
+    "place",
+    "doctor",
+    "sites check",
+    "protocol check",
+    "robots check",
+    "verify",
+    "run",
+    "stress",
+    "study run",
+    "models check",
+}
 """Commands that exit with 1 for what they find."""
 
 
@@ -162,10 +196,25 @@ def collect(directory: Path) -> dict[str, list[Any]]:
 
 
 def _run_most_trials() -> None:
-    """Write results for all trials of the study but the first and the last."""
+    """Write results for all trials of the study but the first and the last: only the oracle succeeds."""
     with Journal.open(sqlite_url(Path("results", "vsnbench.db"))) as journal:
         (study,) = studies(journal.engine)
-        run_ranks(journal, study, range(1, 11))
+        for trial in journal.study_progress(study.id)[1:11]:
+            run_trial(journal, trial.trial, stopped(success=trial.arm == "oracle"), steps=1)
+
+
+def _copy_blind_results() -> None:
+    shutil.copytree("results", "blind")
+
+
+def _change_record() -> None:
+    with closing(sqlite3.connect(Path("blind", "vsnbench.db"))) as database, database:
+        database.execute("UPDATE study SET schedule_sha256 = 'other'")
+
+
+def _change_image() -> None:
+    image = min(Path("results", "episodes").rglob("*.jpg"))
+    image.write_bytes(image.read_bytes()[:-9])
 
 
 def _change_study() -> None:
@@ -173,18 +222,25 @@ def _change_study() -> None:
     file.write_text(file.read_text(encoding="utf-8").replace("power: 0.8", "power: 0.9"), encoding="utf-8")
 
 
-BEFORE = {"study run --unattended": _run_most_trials, "study amend --reason more": _change_study}
+BEFORE = {
+    "study run --unattended": _run_most_trials,
+    "study status study.yaml": _change_study,
+    "study unblind --reason done": _copy_blind_results,
+    "study status study.yaml --results blind": _change_record,
+    "verify results --quiet": _change_image,
+}
 """Command -> what happens before it."""
 
 
 def faults(schema: str, value: Any) -> list[str]:
     """Return how an output differs from a schema, undocumented keys included."""
-    validator = Draft202012Validator({"$ref": f"{schema}.json"}, registry=_registry())
+    validator = Draft202012Validator({"$ref": f"{schema}.json"}, registry=registry())
     return [f"{error.json_path}: {error.message[:300]}" for error in validator.iter_errors(value)]
 
 
 @cache
-def _registry() -> "Registry[Any]":
+def registry() -> "Registry[Any]":
+    """Return the schemas by file name, each allowing only the keys that it names."""
     files = [(path.name, json.loads(path.read_text(encoding="utf-8"))) for path in SCHEMAS.glob("*.json")]
     return Registry().with_resources((name, Resource.from_contents(_closed(schema))) for name, schema in files)
 
@@ -233,14 +289,9 @@ def _lab(directory: Path) -> Iterator[None]:
         "VSNBENCH_WEIGHTS": str(directory / "weights"),
         "VSNBENCH_OPERATOR": "Ada",
     }
-    (directory / "log").mkdir()
-    (directory / "log" / "datos.csv").write_text(DRY_LOG)
-    (directory / "episodes.json").write_text(json.dumps(HABITAT))
-    (directory / "late.py").write_text(LATE_CARD)
-    (directory / "protocol.yaml").write_text("name: short\nmax_actions: 100\n")
-    flawed = (ROOT / "vsnbench/cli/starter/lab.yaml").read_text(encoding="utf-8").replace("[2.5, 0.6]", "[2.5, 3.4]")
-    (directory / "flawed.yaml").write_text(flawed, encoding="utf-8")
+    write_files(directory)
     write_rich_record(directory / "rich")
+    write_placed_record(directory / "placed")
     (directory / "first").mkdir()
     with closing(sqlite3.connect(directory / "first" / "vsnbench.db")) as database:
         database.executescript((ROOT / "tests/data/records/0001.sql").read_text(encoding="utf-8"))
@@ -268,36 +319,3 @@ def _served(directory: Path) -> Iterator[None]:
 class _Handler(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
         """Print nothing."""
-
-
-def attempts(successes: int, *, starts: int = 15, operator: str = "") -> list[Attempt]:
-    """Return episodes of which the first ones succeed, and the fifteenth ends with a collision."""
-    ends = {15: EndReason.COLLISION}
-    return [
-        Attempt(
-            start=start,
-            success=start <= successes,
-            end_reason=ends.get(start, EndReason.STOP),
-            distance_m=0.5 if start <= successes else 3.0,
-            operator=operator,
-        )
-        for start in range(1, starts + 1)
-    ]
-
-
-def write_rich_record(directory: Path) -> Path:
-    """Write a record with every kind of table: several models, seeds, operators, real and simulated trials."""
-    directory.mkdir(exist_ok=True)
-    lab = Lab(directory)
-    for model, successes in (("vlv", 9), ("pirlnav", 6), ("forward", 2)):
-        lab.write(attempts(successes, operator="Ana"), model=model, simulated=False)
-        lab.write(attempts(successes + 1), model=model)
-        lab.write(attempts(successes), model=model, seed=1)
-    lab.write(attempts(5, operator="Ben"), model="vlv", simulated=False, seed=1)
-    lab.write(attempts(6, starts=10), model="random", simulated=False)
-    lab.write(attempts(7), model="random")
-    with lab.journal() as journal:
-        journal.judge(1, Verdict(EndReason.COLLISION, False, "contact with the bed"), author="Ana")
-        for number, outcome in ((16, Outcome.SUCCESS), (30, Outcome.SUCCESS)):
-            journal.judge_second(number, "Grace", outcome, "0.5 m to the nearest chair")
-    return directory

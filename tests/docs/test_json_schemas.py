@@ -11,11 +11,35 @@ from jsonschema import Draft202012Validator
 from typer.main import get_command
 
 from tests.cli.console import vsnbench_process
+from tests.docs.json_coverage import parts_without_a_value
 from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults, name_of
 from vsnbench.cli.main import VERBS, build_app
 
 ELSEWHERE = {"robots calibrate": "tests/robots/calibrating.py, with ROS"}
 """Command -> where its output is compared with its schema."""
+WITHOUT_A_VALUE = {
+    "doctor.machine.browser": "depends on the machine",
+    "doctor.machine.gpus[]": "depends on the machine",
+    "doctor.machine.ros[]": "depends on the machine",
+    "doctor.machine.torch_uses_gpu": "depends on the machine",
+    "episodes show.events[].step_number": "an intervention in a drive",
+    "judge#3": "test_the_page_of_a_second_rater_is_as_its_schema_says",
+    "models check#1.camera_differences[].actual#1": "a robot with another resolution",
+    "models check#1.camera_differences[].trained#1": "a robot with another resolution",
+    "models check#1.warning": "an engine that differs from the reference",
+    "models fetch.licence": "the network",
+    "models list[]#1": "a broken plug-in",
+    "place.moved[]": "a room that differs from its site file",
+    "place.undetermined[]": "a room with too few walls",
+    "protocol list[].max_path_m": "no named protocol has this limit",
+    "report#2.problems[]": "a video that cannot be written",
+    "stress.models[].disturbances[].effects[].ci_high": "known paths of several starting positions",
+    "stress.models[].disturbances[].effects[].ci_low": "known paths of several starting positions",
+    "study report#0.primary.answers[].means": "a study on progress",
+    "study report#0.primary.dropped{}": "a long study with three arms",
+    "study run.suspended[]": "a model that stops working",
+}
+"""Part of a schema that the commands have no value of -> what it needs."""
 NAMES = sorted({name_of(line) for line in COMMANDS.splitlines() if line})
 
 
@@ -57,11 +81,32 @@ def test_a_schema_is_valid_and_refers_to_objects_that_exist(path: Path) -> None:
     assert set(re.findall(r"common\.json#/\$defs/(\w+)", json.dumps(schema))) <= defined.keys()
 
 
+def objects_of(schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield the properties of every object in a schema."""
+    if isinstance(schema, dict) and isinstance(schema.get("properties"), dict):
+        yield schema["properties"]
+    for part in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from objects_of(part)
+
+
+@pytest.mark.parametrize("path", sorted(SCHEMAS.glob("*.json")), ids=lambda path: path.stem)
+def test_every_property_has_a_description_of_its_own(path: Path) -> None:
+    for properties in objects_of(json.loads(path.read_text(encoding="utf-8"))):
+        descriptions = [part.get("description") for part in properties.values()]
+        assert all(descriptions), properties.keys()
+        assert len(set(descriptions)) == len(descriptions), descriptions
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("command", [*NAMES, "headline"])
 def test_the_output_of_a_command_is_as_its_schema_says(command: str, outputs: dict[str, list[Any]]) -> None:
     assert [fault for value in outputs[command] for fault in faults(file_of(command), value)] == []
+
+
+@pytest.mark.slow
+def test_every_part_of_a_schema_is_compared_with_a_value(outputs: dict[str, list[Any]]) -> None:
+    assert parts_without_a_value(outputs) - WITHOUT_A_VALUE.keys() == set()
 
 
 @pytest.mark.slow

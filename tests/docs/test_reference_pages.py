@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tests.docs.json_outputs import write_rich_record
+from tests.docs.json_records import write_rich_record
 from tests.docs.pages import ROOT
 from vsnbench.cli.main import build_app
 from vsnbench.protocol.disturbances import KINDS

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.output import Json, fault_fields, fault_lines, print_json, print_result
 from vsnbench.cli.support.terminal import safe
-from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -87,14 +86,8 @@ def check(
     from vsnbench.protocol.named import protocol_file_faults
 
     faults = protocol_file_faults(file)
-    if as_json:
-        found = [
-            {"line": fault.line, "field": ".".join(map(str, fault.path)), "problem": fault.problem, "code": fault.code}
-            for fault in faults
-        ]
-        print_json({"file": file, "faults": found})
-    else:
-        typer.echo("\n".join([*(f"error: {fault}" for fault in faults), f"{file}: {counted(len(faults), 'error')}"]))
+    fields = {"file": file, "faults": fault_fields(faults)}
+    print_result(fields, "\n".join(fault_lines(file, faults)), as_json=as_json)
     if faults:
         raise typer.Exit(1)
 

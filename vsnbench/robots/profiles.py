@@ -5,7 +5,7 @@ from pathlib import Path
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.ros.interface_kinds import KnownInterface
 from vsnbench.ros2.interface import in_namespace
-from vsnbench.settings.yaml_file import read_settings
+from vsnbench.settings.yaml_file import SettingsFault, read_settings, settings_faults
 from vsnbench.values.robot_profile import RobotProfile
 
 
@@ -61,3 +61,13 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
     if at and name:
         return in_namespace(load_profile(name), namespace)
     return read_settings(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")
+
+
+def profile_faults(name_or_path: str | Path) -> list[SettingsFault]:
+    """Return all faults of a profile, with lines and fields.
+
+    Raises:
+        UsageError: the profile does not exist.
+        RobotError: the file cannot be read.
+    """
+    return settings_faults(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")

@@ -148,7 +148,7 @@ def _parse(text: str, origin: str, model: type[Settings], what: str, context: di
     if not isinstance(content, dict):
         required = [name for name, field in model.model_fields.items() if field.is_required()]
         fields = ", ".join(required or model.model_fields)
-        raise _InvalidFileError(SettingsFault(f"{origin}:1", f"a {what} file must be a mapping with {fields}"))
+        raise _InvalidFileError(SettingsFault(f"{origin}:1", f"a {what} file must be a mapping with {fields}", line=1))
     faults: list[SettingsFault] = []
 
     def add(path: tuple[int | str, ...], error: FieldError) -> None:
@@ -224,7 +224,8 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
         if tree is None:
             return None, None
         if repeated := [
-            SettingsFault(f"{origin}:{line}", f"field {name} is repeated") for line, name in _repeated_keys(tree)
+            SettingsFault(f"{origin}:{line}", f"field {name} is repeated", line=line)
+            for line, name in _repeated_keys(tree)
         ]:
             raise _InvalidFileError(*repeated)
         if long := [

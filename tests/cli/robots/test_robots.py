@@ -59,8 +59,30 @@ def test_a_mistake_in_a_profile_is_named_with_its_line(
     mine.write_text(text.replace(wrong, right, 1))
     done = typed("robots", "check", str(mine))
     assert done.code == 1
-    assert says in done.err
-    assert "mine.yaml:" in done.err
+    assert says in done.out
+    assert "mine.yaml:" in done.out
+    assert done.out.endswith("mine.yaml: 1 error\n")
+
+
+def test_check_reports_all_faults_of_a_profile_by_line(typed: Typed, tmp_path: Path) -> None:
+    text = embedded_profiles()["turtlebot2"].read_text()
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(text.replace("radius_m: 0.177", "radius_m: 17", 1).replace("cliff:", "clif:", 1))
+    answer = typed("robots", "check", str(mine), "--json")
+    assert answer.code == 1
+    content = json.loads(answer.out)
+    assert (content["robot"], content["title"], content["warnings"]) == (str(mine), "", [])
+    lines = mine.read_text().splitlines()
+    for fault in content["faults"]:
+        assert fault["field"].rpartition(".")[2] in lines[fault["line"] - 1]
+    found = {fault["field"]: fault["code"] for fault in content["faults"]}
+    assert found == {"base.radius_m": "invalid-field", "interface.clif": "unknown-field"}
+    assert json.loads(typed("robots", "check", "turtlebot2", "--json").out)["faults"] == []
+
+
+def test_a_profile_that_does_not_exist_is_a_usage_error(typed: Typed, tmp_path: Path) -> None:
+    answer = typed("robots", "check", str(tmp_path / "mine.yaml"), "--json")
+    assert (answer.code, answer.out) == (2, "")
 
 
 def test_parts_that_do_not_fit_together_are_doubted() -> None:

@@ -9,7 +9,7 @@ import typer
 
 from vsnbench.cli.robots import nodes
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
-from vsnbench.cli.support.output import Json, print_json, print_result
+from vsnbench.cli.support.output import Json, fault_fields, fault_lines, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 
@@ -83,13 +83,18 @@ def show(
 def check(robot: RobotArgument, as_json: Json = False) -> None:
     """Check a profile: keys, types, ranges and consistency. Exit code 1 if it is invalid."""
     from vsnbench.robots.checkup.profile import implausible_values
-    from vsnbench.robots.profiles import load_profile
+    from vsnbench.robots.profiles import load_profile, profile_faults
 
+    faults = profile_faults(robot)
+    if faults:
+        fields = {"robot": robot, "title": "", "faults": fault_fields(faults), "warnings": []}
+        print_result(fields, "\n".join(fault_lines(robot, faults)), as_json=as_json)
+        raise typer.Exit(1)
     profile = load_profile(robot)
     warnings = implausible_values(profile)
     lines = [f"warning: {warning}" for warning in warnings]
     lines += [f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself"]
-    fields = {"robot": profile.name, "title": profile.title, "warnings": warnings}
+    fields = {"robot": profile.name, "title": profile.title, "faults": [], "warnings": warnings}
     print_result(fields, "\n".join(lines), as_json=as_json)
 
 

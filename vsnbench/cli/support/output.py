@@ -5,16 +5,20 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vsnbench.errors import UsageError
 from vsnbench.text.log_output import log_more, without_log_on_stderr
+from vsnbench.text.sanitize import counted, sanitize
+
+if TYPE_CHECKING:
+    from vsnbench.settings.yaml_file import SettingsFault
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result. Errors still go to stderr.")]
@@ -140,6 +144,19 @@ def print_result(fields: object, text: str, *, as_json: bool) -> None:
         print_json(fields)
     else:
         typer.echo(text)
+
+
+def fault_fields(faults: "Iterable[SettingsFault]") -> list[dict[str, object]]:
+    """Return the faults of a checked file as JSON objects."""
+    return [
+        {"line": fault.line, "field": ".".join(map(str, fault.path)), "problem": fault.problem, "code": fault.code}
+        for fault in faults
+    ]
+
+
+def fault_lines(file: str, faults: "Sequence[SettingsFault]") -> list[str]:
+    """Return the faults of a checked file as lines of text, and their number as the last line."""
+    return [*(f"error: {sanitize(str(fault))}" for fault in faults), f"{file}: {counted(len(faults), 'error')}"]
 
 
 def print_files(files: Iterable[Path | str], *, as_json: bool, **fields: object) -> None:
