@@ -1,4 +1,4 @@
-"""The report and the tables of a bundle are made again and compared; a bundle of another version may have fewer keys."""
+"""The report and the tables of a bundle are made again and compared; a bundle of another version may lack keys."""
 
 import csv
 import json
