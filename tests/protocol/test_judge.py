@@ -142,3 +142,10 @@ def test_a_stop_near_a_goal_that_a_wall_hides_fails_and_says_so() -> None:
     verdict = judge(EndReason.STOP, 12, GoalDistance(0.4, PoseSource.SIMULATED, "chair-1", in_sight=False), PAPER)
     assert verdict.success is False
     assert "0.400 m from chair-1 (simulated), behind a wall" in verdict.text
+
+
+@pytest.mark.parametrize("reason", EndReason)
+def test_every_reason_for_an_end_has_a_verdict(reason: EndReason) -> None:
+    verdict = judge(reason, 5, GoalDistance(3.0, PoseSource.SIMULATED), ProtocolParameters())
+    assert (verdict.success is None) == (not reason.is_result)
+    assert verdict.text.startswith("failed: " if reason.is_result else "void: ")

@@ -55,3 +55,21 @@ def test_a_traceback_of_a_bug_is_sanitized(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert done.stderr.endswith("ValueError: \\u001b[2J\nsecond\n")
+
+
+def test_prints_go_to_stderr_also_those_of_other_processes_and_of_c(tmp_path: Path) -> None:
+    program = """
+import os
+from vsnbench.text.streams import *
+with sanitized_output():
+    print("before")
+    with stdout_as_stderr():
+        print("print")
+        os.write(1, b"direct\\n")
+        os.system("echo child")
+    print("after")
+    os.write(1, b"direct after\\n")
+"""
+    done = subprocess.run([sys.executable, "-u", "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "before\nafter\ndirect after\n")
+    assert done.stderr == "print\ndirect\nchild\n"

@@ -1,5 +1,6 @@
 """Standard output and error streams through which text of unknown origin does not control the terminal."""
 
+import contextlib
 import os
 import re
 import sys
@@ -59,6 +60,26 @@ def sanitized_output() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+@contextmanager
+def stdout_as_stderr() -> Iterator[None]:
+    """Send what is written to stdout to stderr while this is entered, also by C libraries and new processes."""
+    stdout, own = sys.stdout, None
+    stdout.flush()
+    with contextlib.suppress(OSError, ValueError):  # no descriptor, or it is closed
+        if stdout.fileno() == 1:
+            own = os.dup(1)
+            os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stdout = stdout
+        if own is not None:
+            os.dup2(own, 1)
+            os.close(own)
 
 
 def _print_traceback(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -20,8 +20,6 @@ from vsnbench.study.lock import LockNote
 from vsnbench.verification.checks import Check, Finding, Progress, finding
 
 FOLDERS = ("conditions", "report", "study", "tables")
-_FIRST_VERSION = "1.0.0"
-"""Version of bundles that do not name theirs."""
 _MOST_BYTES = 2**30
 _ABSENT = object()
 _TOLERANCE = 1e-9
@@ -54,11 +52,11 @@ def _names(directory: Path) -> Iterator[str]:
 
 
 def _version(environment: Path) -> str:
-    """Return the version of vsnbench that made a bundle; this version if its file cannot be read."""
+    """Return the version of vsnbench that made a bundle; this version if it is not named."""
     if not environment.is_file() or environment.stat().st_size > _MOST_BYTES:
         return __version__
     content = parse_json(environment.read_bytes())
-    return str(content.get(MADE_BY, _FIRST_VERSION)) if isinstance(content, dict) else __version__
+    return str(content.get(MADE_BY, __version__)) if isinstance(content, dict) else __version__
 
 
 def _compare(check: Check, name: str, stored: Path, made: Path, other: str) -> None:

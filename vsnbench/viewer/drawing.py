@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 
 from vsnbench.protocol.distance_text import distance_text
+from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Box
@@ -40,9 +41,7 @@ OUTCOME_RGBA = {
     "collision": 0xCE2C28FF,
     "failed": 0x7A1F1BFF,
 }
-WARNING_KINDS = frozenset(
-    {"collision", "motion_failed", "sensor_lost", "model_error", "model_lost", "aborted", "interrupted"}
-)
+WARNING_KINDS = frozenset({EndReason.COLLISION.value} | {str(reason) for reason in EndReason if not reason.is_result})
 DEPTH_UNITS_PER_METRE = 1000.0
 
 

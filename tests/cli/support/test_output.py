@@ -142,6 +142,47 @@ def test_a_quiet_run_prints_what_is_done_and_nothing_else(
     assert re.fullmatch(r"all 2 trials are done; results in \S+\n", swept.out)
 
 
+LOUD = """
+import os
+from vsnbench import Action, Decision, ModelCard, Policy
+
+print("imported")
+
+
+class Loud(Policy):
+    card = ModelCard("loud")
+
+    def reset(self, goal, seed):
+        os.write(1, b"direct")
+
+    def act(self, observation):
+        print("act")
+        return Decision(Action.STOP)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        "run --goal chair --starts 1",
+        "run --goal chair --starts 1 --seed 0-1",
+        "stress --goal chair --starts 1 --disturb blur --severity 3 --results s",
+        "models check",
+        "models show",
+        "doctor",
+    ],
+)
+def test_prints_of_a_model_do_not_spoil_the_json(words: str, tmp_path: Path) -> None:
+    (tmp_path / "loud.py").write_text(LOUD)
+    verb, *rest = words.split()
+    named = [verb, *rest, "loud:Loud"] if verb == "models" else [verb, "--model", "loud:Loud", *rest]
+    command = [sys.executable, "-m", "vsnbench", *named, "--json"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert json.loads(done.stdout)
+    assert "imported" in done.stderr
+
+
 def test_a_page_that_nobody_would_hear_of_is_refused(
     lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

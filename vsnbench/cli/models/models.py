@@ -14,7 +14,7 @@ from vsnbench.cli.models.fetching import fetch
 from vsnbench.cli.models.serving import check_against_contract, print_findings, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Protocol, configured_option
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json, without_prints_of_models
 from vsnbench.cli.support.terminal import safe
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT
 from vsnbench.errors import ModelError
@@ -71,7 +71,8 @@ def list_models(as_json: Json = False) -> None:
     described, broken = [], []
     for name in known_models():
         try:
-            described.append(describe_model(name))
+            with without_prints_of_models(as_json=as_json):
+                described.append(describe_model(name))
         except ModelError as error:
             broken.append({"name": name, "error": str(error)})
     if as_json:
@@ -100,7 +101,8 @@ def show(name: ModelName, as_json: Json = False) -> None:
     """
     from vsnbench.models.description import describe_model
 
-    model = describe_model(name)
+    with without_prints_of_models(as_json=as_json):
+        model = describe_model(name)
     if as_json:
         print_json(_description_json(model))
         return
@@ -177,14 +179,19 @@ def check(
 
         print_findings(check_server(name, model_config, parameters, profile), as_json=as_json)
         return
-    if not describe_model(name).can_check:
+    with without_prints_of_models(as_json=as_json):
+        can_check = describe_model(name).can_check
+    if not can_check:
         given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
         options = {option: value for option, value in given.items() if value is not None}
-        print_findings(check_against_contract(name, options, parameters, profile), as_json=as_json)
+        with without_prints_of_models(as_json=as_json):
+            findings = check_against_contract(name, options, parameters, profile)
+        print_findings(findings, as_json=as_json)
         return
-    _, factory = locate(name)
-    report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
-    card = report.card or describe_model(name).card
+    with without_prints_of_models(as_json=as_json):
+        _, factory = locate(name)
+        report: ModelCheck = factory.check(weights=weights, model_config=model_config, device=device)
+        card = report.card or describe_model(name).card
     if card is not None:
         warn_of_assumptions(card, parameters)
     if as_json:

@@ -7,7 +7,7 @@ import typer
 
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Results, configured_option, results_directory
-from vsnbench.cli.support.output import Json, print_json
+from vsnbench.cli.support.output import Json, print_json, without_prints_of_models
 from vsnbench.config import BUILT_IN_ROBOT
 from vsnbench.errors import UsageError
 
@@ -79,11 +79,12 @@ def command(
     ]
     if profile is not None:
         checks += check_up(profile, move=move)
-    checks += [
-        trained_camera_result(name, describe_model(name).card, seen.camera)
-        for name in split_list(model)
-        if (seen := profile or profile_of(robot or BUILT_IN_ROBOT)) is not None
-    ]
+    with without_prints_of_models(as_json=as_json):
+        checks += [
+            trained_camera_result(name, describe_model(name).card, seen.camera)
+            for name in split_list(model)
+            if (seen := profile or profile_of(robot or BUILT_IN_ROBOT)) is not None
+        ]
     failed = any(check.health is Health.FAILED for check in checks)
     if as_json:
         subject = {"ready": not failed, "robot": profile.name if profile is not None else None}

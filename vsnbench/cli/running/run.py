@@ -23,7 +23,7 @@ from vsnbench.cli.support.options import (
     sites_of,
     what_to_keep,
 )
-from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable
+from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable, without_prints_of_models
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 from vsnbench.errors import UsageError
 
@@ -164,7 +164,7 @@ def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live
     from vsnbench.runner.setup.launch import launch
     from vsnbench.viewer.live import RerunEpisodes
 
-    with RerunEpisodes(live=live) as viewer:
+    with without_prints_of_models(as_json=as_json), RerunEpisodes(live=live) as viewer:
         launched = launch(request, provider, viewer)
         viewer.linger()
     if not (as_json and is_quiet()):

@@ -17,7 +17,7 @@ from vsnbench.cli.support.options import (
     sites_of,
     what_to_keep,
 )
-from vsnbench.cli.support.output import Json, resumable
+from vsnbench.cli.support.output import Json, resumable, without_prints_of_models
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
 
 
@@ -107,5 +107,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=False),
     )
-    sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
+    with without_prints_of_models(as_json=as_json):
+        sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
     run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json), sweep_console())

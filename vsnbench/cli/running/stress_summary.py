@@ -5,7 +5,7 @@ from pathlib import Path
 
 from vsnbench.cli.running.summary import print_next
 from vsnbench.cli.running.sweep_summary import print_sweep_summary, run_planned, sweep_console
-from vsnbench.cli.support.output import print_json
+from vsnbench.cli.support.output import print_json, without_prints_of_models
 from vsnbench.cli.support.terminal import page
 from vsnbench.errors import UsageError
 from vsnbench.protocol.disturbances import NONE, Disturbances
@@ -48,7 +48,8 @@ def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_jso
     Raises:
         Stopped: a person or the system asked to stop.
     """
-    swept = run_planned(sweep, request)
+    with without_prints_of_models(as_json=as_json):
+        swept = run_planned(sweep, request)
     print_sweep_summary(sweep_console(), swept, request.results)
     models = _stressed(swept, request.results)
     if figure is not None and any(model.losses for model in models):

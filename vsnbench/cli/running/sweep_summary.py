@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 
 from vsnbench.cli.running.summary import fields_of, print_next, summary_console
-from vsnbench.cli.support.output import is_quiet, print_json, silence
+from vsnbench.cli.support.output import is_quiet, print_json, silence, without_prints_of_models
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput, throughput_of
@@ -32,7 +32,8 @@ def run_sweep_and_report(
     Raises:
         Stopped: a person or the system asked to stop.
     """
-    swept = run_planned(plan_sweep(request, models, seeds, sites), request, live=live)
+    with without_prints_of_models(as_json=as_json):
+        swept = run_planned(plan_sweep(request, models, seeds, sites), request, live=live)
     if as_json:
         print_json([_fields_of(campaign) for campaign in swept])
     if not (as_json and is_quiet()):

@@ -7,7 +7,7 @@ from rich.markup import escape
 
 from vsnbench.cli.running.summary import print_awaiting, print_next, summary_console
 from vsnbench.cli.study.file import OpenedStudy
-from vsnbench.cli.support.output import is_quiet, print_json
+from vsnbench.cli.support.output import is_quiet, print_json, without_prints_of_models
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.operator.provider import OperatorProvider
@@ -40,7 +40,7 @@ def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider
     Raises:
         Stopped: a person or the system asked to stop.
     """
-    with RerunEpisodes(live=live) as viewer:
+    with without_prints_of_models(as_json=as_json), RerunEpisodes(live=live) as viewer:
         result = run_study(request, provider, viewer)
         viewer.linger()
     if not (as_json and is_quiet()):

@@ -18,7 +18,7 @@ from vsnbench.cli.support.options import (
     configured_option,
     results_directory,
 )
-from vsnbench.cli.support.output import Json, print_files, print_json
+from vsnbench.cli.support.output import Json, print_files, print_json, without_prints_of_models
 from vsnbench.cli.support.terminal import page
 from vsnbench.config import BUILT_IN_ROBOT, BUILT_IN_SITE
 from vsnbench.errors import StudyError, UsageError
@@ -155,7 +155,8 @@ def check(file: File = DEFAULT_FILE, as_json: Json = False) -> None:
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    arms = locked_arms(place)
+    with without_prints_of_models(as_json=as_json):
+        arms = locked_arms(place)
     trials = len(place.schedule.trials)
     cells = len({(trial.goal, trial.start) for trial in place.schedule.trials})
     warnings = list(warnings_of(place))
@@ -263,7 +264,8 @@ def lock(
         )
     for warning in warnings_of(place):
         typer.echo(f"warning: {warning}", err=True)
-    recorded = locking.lock(place, text, where)
+    with without_prints_of_models(as_json=as_json):
+        recorded = locking.lock(place, text, where)
     write_lock_file(file, where, recorded.uuid)
     codes = [arm.code for arm in recorded.arms] if recorded.blind else []
     if as_json:

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +16,7 @@ import typer
 from vsnbench.errors import UsageError
 from vsnbench.text.log_output import log_more, without_log_on_stderr
 from vsnbench.text.sanitize import counted, sanitize
+from vsnbench.text.streams import stdout_as_stderr
 
 if TYPE_CHECKING:
     from vsnbench.settings.yaml_file import SettingsFault
@@ -126,6 +127,11 @@ def silence() -> Iterator[None]:
         finally:
             _quiet_depth -= 1
             sys.stderr = stderr
+
+
+def without_prints_of_models(*, as_json: bool) -> AbstractContextManager[None]:
+    """Return a context in which models may run: with --json and --quiet, stdout has only the result."""
+    return stdout_as_stderr() if as_json or is_quiet() else nullcontext()
 
 
 def print_json(value: object) -> None:
