@@ -48,7 +48,7 @@ def test_fail_fast_stops_at_the_first_void_episode() -> None:
 @pytest.mark.parametrize("reason", list(EndReason))
 def test_only_voids_of_the_operator_or_the_robot_repeat_at_once(reason: EndReason) -> None:
     repeats = reason in (EndReason.ABORTED, EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
-    assert FollowUpRules(repeats_at_once=True).after_episode(ended(reason)).repeats is repeats
+    assert FollowUpRules(repeats_void_trials=True).after_episode(ended(reason)).repeats is repeats
     assert not FollowUpRules().after_episode(ended(reason)).repeats
 
 

@@ -106,7 +106,7 @@ def run_campaign(
 ) -> SessionResult:
     context = SessionContext(journal, operator, stop, PLAN.site, PLAN.parameters, recording)
     model = DrivingModel(policy, "scripted")
-    source = CampaignSource(journal, campaign, FollowUpRules(repeats_at_once=operator.repeats_void_trials))
+    source = CampaignSource(journal, campaign, FollowUpRules(repeats_void_trials=operator.repeats_void_trials))
     reason = run(source, InProcessExecutor(context, robot, SingleModel(model)), operator)
     return SessionResult.of(source.rules, journal.campaign_progress(campaign), reason)
 

@@ -72,7 +72,7 @@ class FollowUpRules:
     """Rules of one session, with the counts that they depend on."""
 
     voids: VoidLimit = field(default_factory=VoidLimit)
-    repeats_at_once: bool = False
+    repeats_void_trials: bool = False
     """Episodes that are void because of the operator or the robot are run again in this session."""
     isolates_models: bool = False
     """A failing model is reloaded and finally suspended; its episodes do not count towards the void limit."""
@@ -93,7 +93,7 @@ class FollowUpRules:
             suspends = not outcome.began or self._model_failures[model] >= self.voids.limit
             return FollowUp(reloads_model=True, suspends_model=suspends)
         self._model_failures[model] = 0
-        return FollowUp(self.voids.add(outcome, running), repeats=self.repeats_at_once and reason in REPEATABLE)
+        return FollowUp(self.voids.add(outcome, running), repeats=self.repeats_void_trials and reason in REPEATABLE)
 
     def after_lost_worker(self, cause: str) -> str | None:
         """Count a worker that ended without a result. Returns the reason to stop, or None to continue."""

@@ -163,7 +163,7 @@ def launch(
             context = SessionContext(
                 journal, operator, stop_requests, site, parameters, recording, request.disturbances
             )
-            rules = FollowUpRules(limit, repeats_at_once=operator.repeats_void_trials)
+            rules = FollowUpRules(limit, repeats_void_trials=operator.repeats_void_trials)
             source = CampaignSource(journal, campaign, rules)
             stop_reason = run(source, backend.executor(context, campaign), operator)
             result = SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
