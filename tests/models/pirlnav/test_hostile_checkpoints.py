@@ -176,6 +176,15 @@ def test_a_compression_bomb_is_refused(tmp_path: Path) -> None:
     assert "compressed" in refusal(path)
 
 
+def test_a_forged_compressed_size_is_refused_before_memory_is_taken(tmp_path: Path, small_checkpoint: Path) -> None:
+    content = bytearray(small_checkpoint.read_bytes())
+    place = content.index(b"PK\x01\x02") + 20  # compressed size in the directory's first entry
+    content[place : place + 4] = (2**31).to_bytes(4, "little")
+    path = tmp_path / "forged.ckpt"
+    path.write_bytes(content)
+    assert "claim more bytes than the file has" in refusal(path)
+
+
 def test_nested_tuples_that_would_be_hashed_for_ever_are_refused(tmp_path: Path) -> None:
     nest = b"\x80\x02)" + b"".join(b"q\x00h\x00\x86" for _ in range(80)) + b"."
     assert "nested too deeply" in refusal(write_archive(tmp_path / "nest.ckpt", nest))

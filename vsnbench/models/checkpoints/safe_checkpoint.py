@@ -70,7 +70,8 @@ def _load(archive: zipfile.ZipFile, file_bytes: int, allowed_classes: frozenset[
         raise ModelError(f"{origin}: a zip archive, but not one that PyTorch wrote")
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries.values()):
         raise ModelError(f"{origin}: its records are compressed, which PyTorch never does; refused")
-    if sum(entry.file_size for entry in entries.values()) > file_bytes:
+    # zipfile allocates the larger of the two sizes at once.
+    if sum(max(entry.file_size, entry.compress_size) for entry in entries.values()) > file_bytes:
         raise ModelError(f"{origin}: its records claim more bytes than the file has; refused")
     if pickled.file_size > _LARGEST_PICKLE_BYTES:
         raise ModelError(f"{origin}: {pickled.file_size} bytes of structure in addition to the weights; refused")
