@@ -1,6 +1,7 @@
 """A ROS 2 graph on the loopback interface: processes, and a robot whose parts can fail."""
 
 import atexit
+import math
 import os
 import shutil
 import socket
@@ -120,6 +121,16 @@ def true_pose(robot: Process) -> tuple[float, float, float]:
     wait_until(lambda: robot.output.count("\nat ") > before, "the robot writes where it is")
     x_m, y_m, heading_deg = map(float, robot.output.rsplit("\nat ", 1)[1].split()[:3])
     return x_m, y_m, heading_deg
+
+
+def is_at(robot: Process, pose: tuple[float, float, float]) -> bool:
+    """Return whether the base is where it was, within a millimetre and 0.1 degrees.
+
+    A resumed process may still deliver a command, and the base is held at the next control period.
+    """
+    x_m, y_m, heading_deg = true_pose(robot)
+    turned_deg = math.remainder(heading_deg - pose[2], 360)
+    return math.dist((x_m, y_m), pose[:2]) < 0.001 and abs(turned_deg) < 0.1
 
 
 def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) -> Client:
