@@ -59,7 +59,6 @@ walls: [{start: [-25, -25], end: [25, -25]}]
 starts: [{number: 1, position: [0, 0], heading_deg: 17}]
 """
 RELAY = Path(__file__).with_name("nodes") / "delaying_relay.py"
-NOISY_SIMULATOR = Path(__file__).with_name("nodes") / "noisy_simulator.py"
 Setting = tuple[float, float, str]
 
 
@@ -159,10 +158,13 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
         else:
             near += "@near"
         vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "robots"]
-        how = [f"--odometry-rate={rate_hz}", f"--command-lag={lag_s}", *(["--noise"] if noise == "noise" else [])]
-        noisy = [sys.executable, NOISY_SIMULATOR, STANDING_DEG, STANDING_MM, ros]
-        simulator = noisy if noise == "standing" else vsnbench
-        start(*simulator, "simulate", near, "--site", directory / "hall.yaml", *how)
+        dynamics = {"dead_time_s": lag_s, "odometry_rate_hz": rate_hz}
+        if noise == "standing":
+            dynamics |= {"heading_noise_deg": STANDING_DEG, "position_noise_m": STANDING_MM / 1000}
+        base = directory / "base.yaml"
+        base.write_text("".join(f"{name}: {value}\n" for name, value in dynamics.items()))
+        how = ["--base", base, *(["--noise"] if noise == "noise" else [])]
+        start(*vsnbench, "simulate", near, "--site", directory / "hall.yaml", *how)
         if way == "ros1" or "onboard" in way:
             start(*vsnbench, "serve", near)
         reached, server = near, "workstation" if way in ("ros2", "ros2-wifi") else "vsnbench"

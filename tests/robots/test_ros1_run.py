@@ -156,7 +156,7 @@ def test_the_stack_in_three_processes_acts_as_the_simulation(tmp_path, robot) ->
             robot, "select kind, simulated, conditions from campaign join robot on robot.id = robot_id"
         )
         assert (kind, simulated) == ("ros1", 1)
-        assert {"simulator", "command_lag_s", "rate_factor", "depth_frames"} <= set(json.loads(conditions))
+        assert {"simulator", "odometry_rate_hz", "rate_factor", "depth_frames"} <= set(json.loads(conditions))
         judged = rows(robot, f"select success, verdict.end_reason, verdict.distance_source from verdict {JUDGED}")
         assert judged == [(1, "stop", "simulated")]
         distances = f"select distance_m from verdict {JUDGED}"

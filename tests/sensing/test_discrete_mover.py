@@ -18,7 +18,7 @@ from vsnbench.simulator.dynamics.simulated_base import SimulatedBase
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import parse_site
 from vsnbench.values.pose import Pose
-from vsnbench.values.robot_profile import Tolerances
+from vsnbench.values.robot_profile import BaseDynamics, Tolerances
 
 HALL = parse_site(
     """
@@ -77,7 +77,7 @@ class Stand:
 )
 def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, noise: bool, rate_hz: float) -> None:
     """The tolerance applies to absolute headings; between calls, two errors and the end of a move add up."""
-    stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, NoiseSettings() if noise else None, lag_s), rate_hz)
+    stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, NoiseSettings() if noise else None, BaseDynamics(dead_time_s=lag_s)), rate_hz)
     stand.base.put_down(Pose(0.0, 0.0, 0.3), seed=8)
     stand.sleep_until(stand.base.now_s + REST_S)
     choice = random.Random(8)
@@ -137,7 +137,7 @@ def durations_s(stand: Stand, movements: int) -> list[float]:
 
 
 def test_a_movement_whose_control_loop_paused_does_not_go_on() -> None:
-    stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, None, 0.0, REST_S), 50)
+    stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, command_timeout_s=REST_S), 50)
     periods = 0
 
     def suspended_once() -> bool:

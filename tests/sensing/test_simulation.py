@@ -13,7 +13,7 @@ ACCOUNT = SimulationAccount(
     site_sha256="a" * 64,
     profile_sha256="b" * 64,
     odometry_rate_hz=50,
-    command_lag_s=0.1,
+    base={"dead_time_s": 0.1},
     rate_factor=1,
     noise=NoiseSettings().model_dump(mode="json"),
 )
@@ -24,7 +24,7 @@ def test_an_account_survives_encoding() -> None:
 
 
 def test_the_conditions_contain_the_simulator_and_not_the_site() -> None:
-    assert set(ACCOUNT.conditions) == {"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise"}
+    assert set(ACCOUNT.conditions) == {"simulator", "odometry_rate_hz", "base", "rate_factor", "noise"}
     assert "noise" not in ACCOUNT.model_copy(update={"noise": None}).conditions
 
 

@@ -9,6 +9,7 @@ from vsnbench.control.command import Command
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.robot_player import BATTERY_FULL_H, RobotPlayer, SimulationOptions, battery_share
 from vsnbench.sites.site import SiteObject
+from vsnbench.values.robot_profile import BaseDynamics
 
 ROOM = square_room(
     6.0, SiteObject(id="bed-1", category="bed", position=(1.0, 1.0), size_m=(1.0, 1.0, 0.5)), start=(4.0, 4.0)
@@ -36,7 +37,7 @@ def player(outlet: Outlet) -> RobotPlayer:
 
 
 def played(outlet: Outlet, *, is_rehearsal: bool = False) -> RobotPlayer:
-    options = SimulationOptions(noise=NoiseSettings(), command_lag_s=0.1, is_rehearsal=is_rehearsal)
+    options = SimulationOptions(noise=NoiseSettings(), dynamics=BaseDynamics(dead_time_s=0.1), is_rehearsal=is_rehearsal)
     return RobotPlayer(ROOM, turtlebot2(), options, outlet, 30.0, 0.6)
 
 
@@ -81,5 +82,5 @@ def test_the_account_describes_the_simulation(player: RobotPlayer) -> None:
     assert (account.site, account.site_sha256) == (ROOM.name, ROOM.sha256)
     assert account.profile_sha256 == turtlebot2().sha256
     assert account.odometry_rate_hz == turtlebot2().base.odometry_rate_hz
-    assert {"command_lag_s", "noise"} <= set(account.conditions)
+    assert {"base", "noise"} <= set(account.conditions)
     assert player.categories == {1: "bed"}

@@ -18,10 +18,11 @@ class MotionStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Velocity of the base: forward, and counter-clockwise."""
+    """Velocity of the base: forward, counter-clockwise, and to the left for a base that can move sideways."""
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
+    lateral_m_s: float = 0.0
 
 
 STANDSTILL = Command()

@@ -1,7 +1,6 @@
 """State machine of one discrete motion: drive the profile, settle, measure, correct, or fail with a reason."""
 
 import math
-from collections import deque
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -16,7 +15,9 @@ from vsnbench.control.law import (
     straight_error_m,
     turn_error_rad,
 )
+from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
+from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import StallMonitor
 from vsnbench.control.standstill import QUIET, STILL_SHARE, RemainingFilter, RestWindow, StandstillNoise, is_quiet
 from vsnbench.values.action import Action
@@ -30,6 +31,8 @@ _STALE_SHARE = 0.5
 """Maximum age of odometry for the stall test, as a share of the stall time."""
 _MAX_LATENCY_S = 0.5
 """Maximum dead time; a larger lag is a base that does not follow its commands."""
+_HOMING_M = 0.15
+"""Nearer than this, the direction to a target is not accurate enough to steer by."""
 
 
 class _Phase(StrEnum):
@@ -41,13 +44,6 @@ class _Phase(StrEnum):
 # A module constant costs half of an attribute of an enum, and every period reads several.
 _MOVING = MotionStatus.MOVING
 _DRIVE, _SETTLE, _CORRECT = _Phase.DRIVE, _Phase.SETTLE, _Phase.CORRECT
-
-
-class _Sent(NamedTuple):
-    """A command and its time; a tuple for speed, since every simulated period makes several."""
-
-    at_s: float
-    command: Command
 
 
 class _Mark(NamedTuple):
@@ -62,10 +58,11 @@ class MotionController(Controller):
 
     Call `step` with the newest odometry about every `settings.control_period_s`, send the returned command to the base,
     and stop when `status` is no longer MOVING. Motion commanded since the odometry was measured is added to it, at any
-    odometry rate. The dead time between a command and its effect in the odometry is measured during acceleration. The
-    result is judged only at rest; a small remaining error is corrected by dead reckoning.
+    odometry rate. Without a known `response`, the dead time between a command and its effect in the odometry is measured
+    during acceleration. The result is judged only at rest; a small remaining error is corrected by dead reckoning.
 
-    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading.
+    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading, or steers
+    to a `target`.
 
     Args:
         action: the action.
@@ -75,6 +72,9 @@ class MotionController(Controller):
         noise: noise of the odometry at rest; above a small share of the tolerance the remaining distance is filtered,
             and `RestWindow` judges the result.
         start_error: standard error of `start` along the action.
+        response: response of the base, measured in earlier movements; None if it is not known.
+        target: end of a straight move (x, y) in the frame of the odometry, for a base that drifts to the side; None for
+            a distance from the start.
     """
 
     def __init__(
@@ -85,6 +85,8 @@ class MotionController(Controller):
         settings: MotionSettings,
         noise: StandstillNoise = QUIET,
         start_error: float = 0.0,
+        response: BaseResponse | None = None,
+        target: tuple[float, float] | None = None,
     ) -> None:
         super().__init__()
         self.action = action
@@ -98,10 +100,13 @@ class MotionController(Controller):
         self._turned_rad = 0.0
         self._speed = 0.0
         self._commanded = 0.0
-        self._sent: deque[_Sent] = deque()
+        self._knows_response = response is not None
+        response = response or BaseResponse(settings.latency_s)
+        self._sent = SentCommands(response)
+        self._target = target
         self._still_since: _Mark | None = None
         self._correction = 0.0
-        self._latency_s = settings.latency_s
+        self._fastest = 0.0
         self._commands: list[_Mark] = []
         self._window: RestWindow | None = None
         self._smoothing: RemainingFilter | None = None
@@ -121,6 +126,10 @@ class MotionController(Controller):
         self._tolerance = settings.tolerance(action)
         self._acceleration = acceleration(action, settings)
         self._deceleration = deceleration(action, settings)
+        self._slowest = SlowestVelocity(
+            response.slowest_rad_s if self._turns else response.slowest_m_s, self._cruise, self._tolerance, settings
+        )
+        self._slowest_turn = SlowestVelocity(response.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         if not is_quiet(spread := noise.along(turns=self._turns), self._tolerance):
             self._window = RestWindow(spread, start_error, self._tolerance)
             self._smoothing = RemainingFilter()
@@ -137,6 +146,11 @@ class MotionController(Controller):
     def rest_since_s(self) -> float:
         """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
         return self._window.since_s if self._window is not None else math.inf
+
+    @property
+    def slowest(self) -> float:
+        """Slowest velocity that moves the base, as far as it is known: m/s of a move, rad/s of a turn."""
+        return self._slowest.velocity
 
     def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
         """Process the newest odometry and return the velocity to command from now on.
@@ -157,10 +171,9 @@ class MotionController(Controller):
         self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
         self._last_heading_rad = pose.heading_rad
         left = self._left = self.error(pose)
-        if self._sent:
-            sent = self._sent[-1].command
+        if (sent := self._sent.last) is not STANDSTILL:
             self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
-        if self._phase is _DRIVE and not self.corrections:
+        if self._phase is _DRIVE and not self.corrections and not self._knows_response:
             self._learn_latency(left, now_s, stamp_s)
         if now_s - stamp_s > self._odometry_timeout_s:
             self.sensor_lost = True
@@ -172,13 +185,16 @@ class MotionController(Controller):
         command = self._next(pose, left, now_s, stamp_s, min(period_s, 5 * self._period_s))
         if self.status is not _MOVING:
             return STANDSTILL
-        self._sent.append(_Sent(now_s, command))
+        self._sent.add(now_s, command)
         return command
 
     def error(self, pose: Pose) -> float:
         """Return the remaining distance at `pose`: metres or radians, positive in the direction of the action."""
         if self._turns:
             return self._sign * (self._turn_rad - self._turned_rad)
+        if self._target is not None:
+            x_m, y_m = self._target[0] - pose.x_m, self._target[1] - pose.y_m
+            return self._sign * (x_m * math.cos(pose.heading_rad) + y_m * math.sin(pose.heading_rad))
         return straight_error_m(self._way, self._start, pose)
 
     def _next(self, pose: Pose, left: float, now_s: float, stamp_s: float, period_s: float) -> Command:
@@ -197,24 +213,39 @@ class MotionController(Controller):
             # Counts commands alone: at low speed, late odometry would be misleading.
             remaining = self._correction - self._commanded
         else:
-            pending = self._pending(now_s, stamp_s)
+            pending = self._sent.pending(now_s, stamp_s)
             remaining = left - self._along(*pending)
             if self._smoothing is not None:
                 remaining = self._smoothing.remaining(remaining, self._commanded, stamp_s)
         way = -1.0 if self.corrections and self._correction < 0 else 1.0  # a correction may go backwards
-        if remaining * way <= 0.1 * self._tolerance:
+        slowest = self._slowest
+        if remaining * way <= max(0.1 * self._tolerance, slowest.least(self._period_s)):
             self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
             if self._window is not None:  # a base with a lag continues to roll for longer than the lag
-                self._window.restart(now_s + self.settings.settle_s + 2 * self._latency_s)
+                delay_s = self._sent.dead_time_s + self._sent.lag_s
+                self._window.restart(now_s + self.settings.settle_s + 2 * delay_s)
             return STANDSTILL
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
         slower = braking_speed(remaining * way, self._deceleration, max(period_s, self._period_s))
         self._speed = min(faster, self._cruise, slower)
+        if slower <= self._speed:
+            slowest.look(now_s, left, self._commanded, self._speed, self._delay_s)
+        if slowest.velocity:
+            self._speed = min(slowest.raised(self._speed, remaining * way, self._period_s), self._cruise)
+        self._fastest = max(self._fastest, self._speed)
         signed = self._sign * (way * self._speed)
         if self._turns:
             return Command(angular_rad_s=signed)
-        _, turning_rad = pending if pending is not None else self._pending(now_s, stamp_s)
-        return Command(signed, self._holding_rad_s(pose.heading_rad + turning_rad))
+        _, turning_rad = pending if pending is not None else self._sent.pending(now_s, stamp_s)
+        if self._target is not None and abs(left) > _HOMING_M:
+            x_m, y_m = self._target[0] - pose.x_m, self._target[1] - pose.y_m
+            self._target_heading_rad = math.atan2(self._sign * y_m, self._sign * x_m)
+        turn_rad_s = self._holding_rad_s(pose.heading_rad + turning_rad)
+        return Command(signed, self._slowest_turn.in_turns(turn_rad_s, period_s))
+
+    @property
+    def _delay_s(self) -> float:
+        return self._sent.dead_time_s + self._sent.lag_s
 
     def _holding_rad_s(self, heading_rad: float) -> float:
         """Return the angular velocity that holds the heading during a move."""
@@ -225,22 +256,6 @@ class MotionController(Controller):
     def _along(self, linear: float, angular: float) -> float:
         """Return the component of a velocity, or of its integral, in the direction of the action."""
         return self._sign * (angular if self._turns else linear)
-
-    def _pending(self, now_s: float, stamp_s: float) -> tuple[float, float]:
-        """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
-        since_s = stamp_s - self._latency_s
-        while len(self._sent) > 1 and self._sent[1].at_s <= since_s:
-            self._sent.popleft()
-        linear_m = angular_rad = 0.0
-        until_s = now_s
-        for at_s, command in reversed(self._sent):
-            lasted_s = until_s - (at_s if at_s > since_s else since_s)
-            if lasted_s <= 0.0:
-                lasted_s = 0.0  # a comparison costs a third of a call of max, and this runs every period
-            linear_m += command.linear_m_s * lasted_s
-            angular_rad += command.angular_rad_s * lasted_s
-            until_s = at_s
-        return linear_m, angular_rad
 
     def _learn_latency(self, left: float, now_s: float, stamp_s: float) -> None:
         """During the first drive, measure the delay between a commanded distance and the same measured distance."""
@@ -254,7 +269,7 @@ class MotionController(Controller):
         before, after = self._commands[0], self._commands[1]
         share = (covered - before.amount) / max(after.amount - before.amount, 1e-9)
         asked_s = before.at_s + share * (after.at_s - before.at_s)
-        self._latency_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
+        self._sent.dead_time_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
 
     def _settled(self, left: float, stamp_s: float) -> bool:
         """Return whether the measured pose has not changed for the settling time."""
@@ -262,7 +277,8 @@ class MotionController(Controller):
         if still is None or abs(left - still.amount) > STILL_SHARE * self._tolerance:
             self._still_since = _Mark(stamp_s, left)
             return False
-        return stamp_s - still.at_s >= self.settings.settle_s + self._latency_s - 1e-9
+        needed_s = self.settings.settle_s + self._sent.dead_time_s + 0.5 * self._sent.lag_s
+        return stamp_s - still.at_s >= needed_s - 1e-9
 
     def _judge_by_window(self, window: RestWindow, pose: Pose, left: float, now_s: float, stamp_s: float) -> None:
         """At rest with noisy odometry: accept by mean and bound, correct, continue to read, or fail."""
@@ -276,7 +292,7 @@ class MotionController(Controller):
         """At rest: accept, start a correction, or fail."""
         exhausted = self.corrections >= self.settings.max_corrections
         good = self._tolerance if exhausted else self.settings.aim_share * self._tolerance
-        if abs(error) < good:
+        if abs(error) < max(good, min(self._slowest.least(self._period_s), self._tolerance)):
             self.status = MotionStatus.DONE
         else:
             self._correct_or_fail(pose, error, now_s)
@@ -287,7 +303,10 @@ class MotionController(Controller):
             self.status = MotionStatus.FAILED
             self.failure = f"off after {self.corrections} corrections: {self._shortfall(pose)}"
         else:
+            if self._phase is _SETTLE and self.corrections:
+                self._slowest.judge_correction(self._correction - error, self._correction, self._fastest)
             self.corrections += 1
+            self._fastest = 0.0
             self._phase = _DRIVE if abs(error) > _COARSE * self._tolerance else _CORRECT
             self._correction = error
             self._commanded = 0.0

@@ -5,17 +5,24 @@ from itertools import accumulate, pairwise
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.law import acceleration, braking_speed, deceleration, speed, turn_error_rad
+from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
+from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import StallMonitor
+from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 _LOOK_AHEAD_M = 0.20
 """Distance along the path of the point that is pursued."""
+_LEAST_LOOK_AHEAD_M = 0.08
+_BEND_RAD = 0.35
+"""A path that bends more than this within the look-ahead is pursued from nearer, or its bends would be cut."""
 _STEP_M = 0.02
 _TURN_ON_SPOT_RAD = math.radians(50)
 """With a larger bearing to the pursued point, the robot turns on the spot."""
-_END_M = 0.01
+_END_M = 0.002
+_SLOWEST_M_S = 0.02
 _OFF_PATH_M = 0.30
 """A robot farther than this from its path has failed to follow it."""
 _STILL_M, _STILL_RAD = 0.002, math.radians(0.2)
@@ -26,9 +33,27 @@ _STALE_SHARE = 0.5
 
 
 class PathController(Controller):
-    """Follows a polyline to its end and settles there; the caller corrects what is left of the error."""
+    """Follows a polyline to its end and settles there; the caller corrects what is left of the error.
 
-    def __init__(self, path: tuple[tuple[float, float], ...], start: Pose, settings: MotionSettings) -> None:
+    It steers by the pose that the base will have when all commands have taken effect: a base with a dead time of 50 ms
+    and a motor lag of 80 ms would otherwise drive 4 cm past the end.
+
+    Args:
+        path: points in the frame of the odometry, from the robot's position on.
+        start: odometry at the start.
+        settings: speeds, limits and tolerances.
+        noise: noise of the odometry at rest.
+        response: response of the base, if it is known.
+    """
+
+    def __init__(
+        self,
+        path: tuple[tuple[float, float], ...],
+        start: Pose,
+        settings: MotionSettings,
+        noise: StandstillNoise = QUIET,
+        response: BaseResponse | None = None,
+    ) -> None:
         super().__init__()
         self._settings = settings
         self._path = path
@@ -37,12 +62,17 @@ class PathController(Controller):
         self._limit_s = 2 * self.length_m / settings.linear_m_s + len(path) * 3.0 + settings.timeout_s
         self._acceleration = acceleration(Action.MOVE_FORWARD, settings)
         self._deceleration = deceleration(Action.MOVE_FORWARD, settings)
+        response = response or BaseResponse(settings.latency_s)
+        self._delay_s = response.delay_s
+        self._sent = SentCommands(response)
+        self._slowest_m_s = max(response.slowest_m_s, _SLOWEST_M_S)
+        self._slowest_turn = SlowestVelocity(response.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         self._progress_m = 0.0
         self._speed = 0.0
         self._is_ending = False
         self._began_s: float | None = None
         self._last_s = 0.0
-        self._still, self._still_s = start, math.inf
+        self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
         self._stalls = StallMonitor(settings.stall_s, _STALL_M), StallMonitor(settings.stall_s, _STALL_RAD)
         self._commanded_m = self._commanded_rad = 0.0
 
@@ -50,6 +80,11 @@ class PathController(Controller):
     def remaining_m(self) -> float:
         """Length of the path that is left."""
         return max(self.length_m - self._progress_m, 0.0)
+
+    @property
+    def rest_since_s(self) -> float:
+        """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
+        return self._rest.since_s
 
     def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
         """Process the newest odometry and return the velocity to command from now on; see `MotionController.step`."""
@@ -67,21 +102,29 @@ class PathController(Controller):
             return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
         if self.duration_s > self._limit_s:
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall()}")
-        off_m = self._update_progress(pose)
+        expected = self._sent.expected(pose, now_s, stamp_s)
+        off_m = self._update_progress(expected)
         if off_m > _OFF_PATH_M:
             return self.abort(f"{off_m:.2f} m off its path: {self._shortfall()}")
         if self._is_stuck(pose, now_s, stamp_s):
             return self.abort(f"the base does not follow its commands: {self._shortfall()}")
-        if self._is_ending or self.remaining_m <= _END_M:
+        if not self._is_ending and self.remaining_m <= max(_END_M, 0.5 * self._slowest_m_s * period_s):
             self._is_ending = True
-            return self._settle(pose, stamp_s)
-        command = self._pursue(pose, period_s)
+            self._rest.begin(now_s + self._settings.settle_s + 2 * self._delay_s)
+        if self._is_ending:
+            if self._rest.add(pose, stamp_s):
+                self.status = MotionStatus.DONE
+            return STANDSTILL
+        command = self._pursue(expected, period_s)
+        if command.angular_rad_s * self._sent.last.angular_rad_s < 0:
+            self._stalls[1].restart()  # a turn that reverses covers nothing on balance
         self._commanded_m += abs(command.linear_m_s) * period_s
         self._commanded_rad += command.angular_rad_s * period_s
+        self._sent.add(now_s, command)
         return command
 
     def _pursue(self, pose: Pose, period_s: float) -> Command:
-        x_m, y_m = self._point_at(self._progress_m + _LOOK_AHEAD_M)
+        x_m, y_m = self._point_at(self._progress_m + self._look_ahead_m())
         reach_m = max(math.hypot(x_m - pose.x_m, y_m - pose.y_m), 0.05)
         bearing_rad = turn_error_rad(math.atan2(y_m - pose.y_m, x_m - pose.x_m), pose.heading_rad)
         fastest_rad_s = self._settings.angular_rad_s
@@ -93,8 +136,19 @@ class PathController(Controller):
         cornering_m_s = fastest_rad_s / abs(curvature) if curvature else math.inf
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
         slower = braking_speed(self.remaining_m, self._deceleration, self._settings.control_period_s)
-        self._speed = max(min(faster, self._settings.linear_m_s, slower, cornering_m_s), 0.02)
-        return Command(self._speed, self._speed * curvature)
+        self._speed = max(min(faster, self._settings.linear_m_s, slower, cornering_m_s), self._slowest_m_s)
+        turning_rad_s = max(-fastest_rad_s, min(self._speed * curvature, fastest_rad_s))
+        return Command(self._speed, self._slowest_turn.in_turns(turning_rad_s, period_s))
+
+    def _look_ahead_m(self) -> float:
+        """Return the distance of the point to pursue: shorter in a sharp bend, and towards the end."""
+        ahead_m = min(_LOOK_AHEAD_M, max(self.remaining_m, _LEAST_LOOK_AHEAD_M))
+        bend_rad = abs(turn_error_rad(self._direction_rad(self._progress_m + ahead_m), self._direction_rad(self._progress_m)))
+        return max(_LEAST_LOOK_AHEAD_M, ahead_m * min(1.0, _BEND_RAD / max(bend_rad, 1e-9)))
+
+    def _direction_rad(self, at_m: float) -> float:
+        (ax, ay), (bx, by) = self._point_at(at_m), self._point_at(at_m + _STEP_M)
+        return math.atan2(by - ay, bx - ax)
 
     def _update_progress(self, pose: Pose) -> float:
         """Advance to the nearest point of the path not far ahead; return the distance to it."""
@@ -131,14 +185,6 @@ class PathController(Controller):
         moves, turns = self._stalls
         stuck = moves.is_stuck(now_s, complex(pose.x_m, pose.y_m), self._commanded_m)
         return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad) or stuck
-
-    def _settle(self, pose: Pose, stamp_s: float) -> Command:
-        turned_rad = turn_error_rad(pose.heading_rad, self._still.heading_rad)
-        if self._still_s is math.inf or pose.distance_to(self._still) > _STILL_M or abs(turned_rad) > _STILL_RAD:
-            self._still, self._still_s = pose, stamp_s
-        elif stamp_s - self._still_s >= self._settings.settle_s:
-            self.status = MotionStatus.DONE
-        return STANDSTILL
 
     def _shortfall(self) -> str:
         return f"followed {self._progress_m:.2f} m of {self.length_m:.2f} m"

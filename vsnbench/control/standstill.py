@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, wrap_angle
 
 BOUND_ERRORS = 3.5
 """Standard errors between a mean and the bound of the true value. With several tests of one window, the probability
@@ -33,6 +33,8 @@ _CORRECTION_READINGS = 14
 """Duration of a correction, in readings."""
 _HIGHEST_CORRELATION = _MOTION_CORRELATION = 0.8
 _MOTION_READINGS = 10
+_ROUNDING = 1e-7
+"""Metres or radians: smaller deviations are rounding errors of exact odometry, whose correlation means nothing."""
 _REMEMBERED = 200
 """Number of readings after which earlier ones get less weight."""
 
@@ -65,8 +67,8 @@ class NoiseMeter:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom: number of readings minus the parameters of the drifts."""
-        return int(self._axes[0].freedom)
+        """Degrees of freedom of the axis with the fewest: number of readings minus the parameters of the drifts."""
+        return int(min(axis.freedom for axis in self._axes))
 
     @property
     def noise(self) -> StandstillNoise:
@@ -81,14 +83,13 @@ class NoiseMeter:
         return StandstillNoise(self.noise.position_m * share, self.noise.heading_rad * share)
 
     def add(self, poses: Sequence[Pose]) -> None:
-        """Add the readings of one rest, in order."""
+        """Add the readings of one rest, in order; without the axes on which the base was pushed meanwhile."""
         if len(poses) < _MIN_READINGS:
             return
         rests = [_without_drift(values) for values in zip(*((p.x_m, p.y_m, p.heading_rad) for p in poses), strict=True)]
-        if len(poses) >= _MOTION_READINGS and any(map(_is_motion, rests)):
-            return  # the base was pushed, or another publisher moved it
         for axis, rest in zip(self._axes, rests, strict=True):
-            axis.add(rest)
+            if len(poses) < _MOTION_READINGS or not _is_motion(rest):
+                axis.add(rest)
 
 
 def noise_of(poses: Sequence[Pose]) -> StandstillNoise:
@@ -206,6 +207,57 @@ class RestWindow:
         return RestEstimate(sum(values) / count, noise, self._start_error, count)
 
 
+class PathRest:
+    """Detects the rest of a base at the end of a path or a velocity, with quiet and with noisy odometry.
+
+    Args:
+        noise: noise of the odometry at rest.
+        settle_s: time without motion after which a base with quiet odometry is at rest.
+        still_m: largest distance of a base at rest.
+        still_rad: largest turn of a base at rest.
+    """
+
+    def __init__(self, noise: StandstillNoise, settle_s: float, still_m: float, still_rad: float) -> None:
+        self._settle_s = settle_s
+        self._still_m, self._still_rad = still_m, still_rad
+        self._still: tuple[Pose, float] | None = None
+        self._windows: tuple[RestWindow, ...] = ()
+        if not (is_quiet(noise.position_m, still_m) and is_quiet(noise.heading_rad, still_rad)):
+            # A window tolerates a drift of STILL_SHARE of its tolerance.
+            self._windows = tuple(
+                RestWindow(spread, 0.0, still / STILL_SHARE)
+                for spread, still in (
+                    (noise.position_m, still_m),
+                    (noise.position_m, still_m),
+                    (noise.heading_rad, still_rad),
+                )
+            )
+
+    @property
+    def since_s(self) -> float:
+        """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
+        return max((window.since_s for window in self._windows), default=math.inf)
+
+    def begin(self, from_s: float) -> None:
+        """Use the readings measured from `from_s` on, when the base should be at rest."""
+        for window in self._windows:
+            window.restart(from_s)
+
+    def add(self, pose: Pose, stamp_s: float) -> bool:
+        """Add a reading; return whether the base is at rest."""
+        if self._windows:
+            values = (pose.x_m, pose.y_m, pose.heading_rad)
+            estimates = [window.add(value, stamp_s) for window, value in zip(self._windows, values, strict=True)]
+            return all(estimate is not None for estimate in estimates)
+        if self._still is not None:
+            still, since_s = self._still
+            turned_rad = abs(wrap_angle(pose.heading_rad - still.heading_rad))
+            if pose.distance_to(still) <= self._still_m and turned_rad <= self._still_rad:
+                return stamp_s - since_s >= self._settle_s
+        self._still = pose, stamp_s
+        return False
+
+
 class RemainingFilter:
     """Predicts the remaining distance from commands and corrects it slowly by noisy odometry."""
 
@@ -241,6 +293,8 @@ def _without_drift(values: Sequence[float]) -> list[float]:
 def _is_motion(rest: Sequence[float]) -> bool:
     """Return whether readings have the correlation of a moving base."""
     squares = sum(value * value for value in rest)
+    if squares <= len(rest) * _ROUNDING**2:
+        return False
     return sum(a * b for a, b in pairwise(rest)) > _MOTION_CORRELATION * squares
 
 
@@ -253,7 +307,7 @@ class _Spread:
     @property
     def noise(self) -> float:
         """Standard deviation, increased by the correlation of neighbouring readings."""
-        if not self._squares:
+        if not self._squares or not self.freedom:
             return 0.0
         correlation = self._products / self._squares
         if correlation < 2 / math.sqrt(self.freedom):

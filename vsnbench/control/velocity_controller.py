@@ -5,6 +5,7 @@ import math
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import StallMonitor
+from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise
 from vsnbench.values.movement import Velocity
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -24,12 +25,15 @@ class VelocityController(Controller):
     The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest.
     """
 
-    def __init__(self, velocity: Velocity, start: Pose, settings: MotionSettings) -> None:
+    def __init__(
+        self, velocity: Velocity, start: Pose, settings: MotionSettings, noise: StandstillNoise = QUIET
+    ) -> None:
         super().__init__()
         self._velocity = velocity
         self._settings = settings
-        self._last = self._still = start
-        self._still_s = math.inf
+        self._last = start
+        self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
+        self._is_ending = False
         self._began_s: float | None = None
         self._last_s = 0.0
         self._commanded_m = self._commanded_rad = 0.0
@@ -47,6 +51,11 @@ class VelocityController(Controller):
         """Distance that the velocity still covers."""
         left_s = max(self._velocity.duration_s - self.duration_s, 0.0)
         return abs(self._velocity.linear_m_s) * left_s
+
+    @property
+    def rest_since_s(self) -> float:
+        """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
+        return self._rest.since_s
 
     def step(self, pose: Pose, now_s: float, stamp_s: float | None = None) -> Command:
         """Process the newest odometry and return the velocity to command from now on; see `MotionController.step`."""
@@ -68,6 +77,9 @@ class VelocityController(Controller):
             return self.abort("the base does not follow its commands")
         share = self._share()
         if share <= 0.0:
+            if not self._is_ending:
+                self._is_ending = True
+                self._rest.begin(now_s + self._settings.settle_s)
             return self._settle(pose, stamp_s)
         command = Command(share * self._velocity.linear_m_s, share * self._velocity.angular_rad_s)
         period_s = now_s - self._last_s
@@ -93,10 +105,7 @@ class VelocityController(Controller):
         return min(1.0, (self.duration_s + self._settings.control_period_s) / self._rise_s, left_s / self._rise_s)
 
     def _settle(self, pose: Pose, stamp_s: float) -> Command:
-        moved_m, turned_rad = pose.distance_to(self._still), wrap_angle(pose.heading_rad - self._still.heading_rad)
-        if moved_m > _STILL_M or abs(turned_rad) > _STILL_RAD or self._still_s is math.inf:
-            self._still, self._still_s = pose, stamp_s
-        elif stamp_s - self._still_s >= self._settings.settle_s:
+        if self._rest.add(pose, stamp_s):
             is_stuck = (self._commanded_m > _STALL_M and self._covered_m < _STALL_SHARE * self._commanded_m) or (
                 self._commanded_rad > _STALL_RAD and self._covered_rad < _STALL_SHARE * self._commanded_rad
             )

@@ -58,8 +58,8 @@ class Robot(ABC):
     conditions: Mapping[str, Any] = MappingProxyType({})
     """What else results depend on, as JSON by name. Trials under other conditions belong to another campaign.
 
-    Names in use: `noise` (settings of the simulated noise), `simulator` (its version), `command_lag_s`,
-    `odometry_rate_hz`, `rate_factor`, `depth_frames`.
+    Names in use: `noise` (settings of the simulated noise), `simulator` (its version), `base` (how a simulated base
+    differs from an ideal one), `odometry_rate_hz`, `rate_factor`, `depth_frames`.
     """
 
     action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})

@@ -6,7 +6,7 @@ from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.ros.interface_kinds import KnownInterface
 from vsnbench.ros2.interface import in_namespace
 from vsnbench.settings.yaml_file import SettingsFault, read_settings, settings_faults
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
 
 class _ProfileFile(RobotProfile):
@@ -61,6 +61,20 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
     if at and name:
         return in_namespace(load_profile(name), namespace)
     return read_settings(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")
+
+
+def load_dynamics(path: Path | None, profile: RobotProfile) -> BaseDynamics:
+    """Read the behaviour of a simulated base; without a file, return the profile's, or an ideal base.
+
+    Raises:
+        RobotError: the file cannot be read or is invalid, or the base of the profile cannot behave like this.
+    """
+    if path is None:
+        return profile.dynamics or IDEAL_BASE
+    dynamics = read_settings(path, BaseDynamics, RobotError, "base file")
+    if fault := dynamics.fault(profile.base):
+        raise RobotError(f"{path}: {fault}", advice=f"the limits are those of {profile.name}", code="impossible-base")
+    return dynamics
 
 
 def profile_faults(name_or_path: str | Path) -> list[SettingsFault]:

@@ -17,9 +17,9 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, PathCheck, Robot
 from vsnbench.sensing.movement_check import distance_along
-from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryDrift, noisy_depth
-from vsnbench.simulator.dynamics.odometry import WheelOdometry
-from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch, simulator_version
+from vsnbench.simulator.dynamics.driven_base import DrivenBase
+from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
+from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
 from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
@@ -32,7 +32,7 @@ from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
 _LOOK_PERIOD_S = 0.1
 """Simulated time between two depth images while a movement with parameters runs."""
@@ -66,11 +66,14 @@ class SimulatedRobot(Robot):
         self.conditions: Mapping[str, Any] = (
             {"simulator": simulator_version()}
             | ({} if noise is None else {"noise": noise.model_dump(mode="json")})
+            | ({} if profile.dynamics is None else {"base": profile.dynamics.conditions})
             | profile.tolerance_conditions
         )
         self.settings = MotionSettings.for_robot(profile, parameters)
         scene = build_scene(site)
-        self._physics = Physics(scene, profile.base)
+        self._dynamics = profile.dynamics or IDEAL_BASE
+        self._base = DrivenBase(scene, profile.base, self._dynamics, None if noise is None else noise.odometry)
+        self._physics = self._base.physics
         self._renderer = Renderer(scene)
         self._shininess = scene.shininess(len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
@@ -92,14 +95,12 @@ class SimulatedRobot(Robot):
         drift_seed, depth_seed, other_depth_seed = np.random.SeedSequence(seed).spawn(3)
         self._depth_rng = np.random.default_rng(depth_seed)
         self._other_depth_rng = np.random.default_rng(other_depth_seed)
-        self._drift = OdometryDrift(self.noise.odometry, np.random.default_rng(drift_seed)) if self.noise else None
-        self._physics.place(start.pose)
+        self._base.place(start.pose, np.random.default_rng(drift_seed))
         if touch := self._physics.touch():
             raise RobotError(
                 f"starting position {start.number} of site {self.site.name} touches {self._name_of(touch)}",
                 advice=f"move it away by more than the robot's radius of {self.profile.base.radius_m} m",
             )
-        self._wheels = WheelOdometry(self._physics.geometry)
         self._odometry = Pose(0.0, 0.0, 0.0)
         self._odometry_stamp_s = 0.0
         self._target_heading_rad = 0.0
@@ -150,7 +151,7 @@ class SimulatedRobot(Robot):
         touch: Touch | None = None
         command = controller.step(start, start_s)
         while controller.status is MotionStatus.MOVING:
-            touch = self._physics.drive(command)
+            touch = self._base.drive(command)
             self._read_odometry()
             if touch:
                 controller.abort(f"touched {self._name_of(touch)}")
@@ -178,7 +179,7 @@ class SimulatedRobot(Robot):
                         break
                 command = controller.step(self._odometry, now_s, self._odometry_stamp_s)
                 before = self._odometry
-                touch = self._physics.drive(command)
+                touch = self._base.drive(command)
                 self._read_odometry()
                 path_m += before.distance_to(self._odometry)
                 if touch:
@@ -235,9 +236,7 @@ class SimulatedRobot(Robot):
 
     def _read_odometry(self, *, fresh: bool = False) -> None:
         """Update the odometry, and read it at the rate at which this base sends messages."""
-        pose = self._wheels.update(self._physics.wheel_angles)
-        if self._drift is not None:
-            pose = self._drift.update(pose)
+        pose = self._base.measure()
         now_s = self._physics.time_s
         due_s = self._odometry_stamp_s + self._odometry_period_s
         if fresh or now_s >= due_s - CONTROL_PERIOD_S / 2:

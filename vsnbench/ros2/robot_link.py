@@ -146,7 +146,7 @@ class RobotLink(robot_link.RobotLink):
             request = {"movement": "Drive", "drive": movement_to_json(movement)}
             outcome = self._ask_robot(request, timeout_s, watch)
         else:
-            outcome = self._mover.drive(movement, _never_gone(watch))
+            outcome = self._mover.drive(movement, _never_gone(watch), timeout_s)
         self._reports.take_outcome(outcome)
         return outcome.answer
 

@@ -87,7 +87,7 @@ class SimulatedRobot(NodeTask, RobotOutlet):
 
     def take_velocity(self, twist: Any) -> None:
         """Take a geometry_msgs/Twist."""
-        self.player.set_command(Command(twist.linear.x, twist.angular.z))
+        self.player.set_command(Command(twist.linear.x, twist.angular.z, twist.linear.y))
 
     def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Publish the odometry."""

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, replace
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.controller import MotionController
 from vsnbench.control.law import heading_after, turn_error_rad
-from vsnbench.control.legs import Leg, LegPlan
+from vsnbench.control.legs import Leg, LegPlan, longest_duration_s
+from vsnbench.control.response import ResponseMeter
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
 from vsnbench.sensing.hazards import Hazard
@@ -75,11 +76,23 @@ class _Request:
     """Leg of a movement with parameters; None for a discrete action."""
 
 
+class _OverdueError(Exception):
+    """A movement has reached its deadline."""
+
+
 class DiscreteMover:
     """Executes movements one at a time; a new request pre-empts the running one.
 
     Headings are held absolutely: the target of a turn is relative to the last target, not to the heading that the last
     turn reached. After a turn by hand or a reset of the odometry, it is relative to the present heading.
+
+    Args:
+        send: commands a velocity.
+        settings: settings of the movements.
+        tracker: checks the odometry.
+        now_s: time in which motions are measured; simulated where the network's time is simulated.
+        sleep_until: waits for a time of `now_s`.
+        monotonic_s: real time, by which silent odometry is noticed even if simulated time has stopped.
     """
 
     def __init__(
@@ -89,12 +102,14 @@ class DiscreteMover:
         tracker: OdometryTracker,
         now_s: Callable[[], float],
         sleep_until: Callable[[float], None],
+        monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._send = send
         self._settings = settings
         self._tracker = tracker
         self._now_s = now_s
         self._sleep_until = sleep_until
+        self._monotonic_s = monotonic_s
         self._clock = ClockOffset()
         self._senses = _Senses()
         self._lock = threading.Lock()
@@ -106,6 +121,9 @@ class DiscreteMover:
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
         self._rest = RestReadings()
+        self._response = ResponseMeter()
+        self._driven: list[tuple[float, Pose]] | None = None
+        """Readings since the running movement began."""
 
     def take_odometry(self, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> None:
         """Take one odometry message; values that are not finite are faults, and so are jumps."""
@@ -114,7 +132,7 @@ class DiscreteMover:
             if self._tracker.latest is not None:
                 self._periods_s.append(stamp_s - self._tracker.latest.stamp_s)
             fault = self._tracker.add(x_m, y_m, heading_rad, stamp_s, arrival_s)
-            self._odometry_seen_s = time.monotonic()
+            self._odometry_seen_s = self._monotonic_s()
             if fault is not None:
                 self._senses.odometry_fault = fault
             if fault is None or fault.kind is OdometryFaultKind.JUMPED:
@@ -122,7 +140,10 @@ class DiscreteMover:
             if fault is not None:
                 self._rest.forget()
             elif self._tracker.latest is not None:
-                self._rest.add(self._tracker.latest.pose, self._clock.to_local(stamp_s))
+                reading = self._clock.to_local(stamp_s), self._tracker.latest.pose
+                self._rest.add(reading[1], reading[0])
+                if self._driven is not None:
+                    self._driven.append(reading)
 
     def take_rival(self, rival: str) -> None:
         """Take that another publisher commanded the base to move: the running movement ends at once."""
@@ -187,29 +208,47 @@ class DiscreteMover:
             finally:
                 self._send(STANDSTILL)
 
-    def drive(self, movement: Drive, caller_gone: Callable[[], bool]) -> Outcome:
-        """Execute a movement with parameters, leg by leg; see `carry_out` for `caller_gone`."""
+    def drive(self, movement: Drive, caller_gone: Callable[[], bool], timeout_s: float = math.inf) -> Outcome:
+        """Execute a movement with parameters, leg by leg.
+
+        Args:
+            movement: the movement.
+            caller_gone: see `carry_out`.
+            timeout_s: longest duration, if it is shorter than `longest_duration_s`.
+        """
         name = movement_to_json(movement)["kind"]
+        timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
         ticket = self._take_ticket(f"pre-empted by {name}")
         with self._moving:
+            began_s = self._now_s()
+
+            def is_over() -> bool:
+                if self._now_s() - began_s > timeout_s:
+                    raise _OverdueError
+                return caller_gone()
+
+            corrections = 0
             try:
                 self.forget_heading()
                 plan: LegPlan | None = None
-                corrections, duration_s = 0, 0.0
                 while True:
                     with self._lock:
                         latest = self._tracker.latest
-                    if latest is None:
+                        pose = None if latest is None else self._rest.mean(latest.pose)
+                    if pose is None:
                         return Outcome(name, False, "no odometry: check the driver of the base", sensor_lost=True)
-                    plan = plan or LegPlan(movement, latest.pose)
-                    leg = plan.next(latest.pose)
+                    plan = plan or LegPlan(movement, pose)
+                    leg = plan.next(pose)
                     if leg is None:
-                        return Outcome(name, True, "", corrections, duration_s)
+                        return Outcome(name, not plan.failure, plan.failure, corrections, self._now_s() - began_s)
                     settings = leg.settings(self._settings)
-                    outcome = self._move(_Request(name, leg.action, settings, ticket, caller_gone, leg))
-                    corrections, duration_s = corrections + outcome.corrections, duration_s + outcome.duration_s
+                    outcome = self._move(_Request(name, leg.action, settings, ticket, is_over, leg))
+                    corrections += outcome.corrections
                     if not outcome.answer:
-                        return replace(outcome, corrections=corrections, duration_s=duration_s)
+                        return replace(outcome, corrections=corrections, duration_s=self._now_s() - began_s)
+            except _OverdueError:
+                reason = f"not done after {self._now_s() - began_s:.1f} s"
+                return Outcome(name, False, reason, corrections, self._now_s() - began_s)
             finally:
                 self.forget_heading()
                 self._send(STANDSTILL)
@@ -225,7 +264,7 @@ class DiscreteMover:
         with self._lock:
             self._senses.hazard_reason, self._senses.odometry_fault, self._senses.rival = "", None, ""
             reading = self._tracker.latest
-            silent_s = time.monotonic() - self._odometry_seen_s
+            silent_s = self._monotonic_s() - self._odometry_seen_s
             hazard = self._active_hazard(action)
         if reading is None or silent_s > settings.odometry_timeout_s:
             what = "no odometry" if reading is None else f"no odometry for {silent_s:.1f} s"
@@ -241,14 +280,17 @@ class DiscreteMover:
             self._held_error_rad = start.error(turns=True)
         start_error = self._held_error_rad if action.turns else start.error(turns=False)
         controller: Controller
+        response = self._response.response
         if request.leg is not None:
             target_rad = request.leg.target_heading_rad
-            controller = request.leg.controller(start.pose, settings, start.noise, start_error)
+            controller = request.leg.controller(start.pose, settings, start.noise, start_error, response)
         else:
-            controller = MotionController(action, start.pose, target_rad, settings, start.noise, start_error)
+            controller = MotionController(action, start.pose, target_rad, settings, start.noise, start_error, response)
         sensor_lost = False
         with self._lock:
             self._rest.moves()
+            self._driven = []
+        commands: list[tuple[float, Command]] = []
         last_s = self._now_s()
         while controller.status is MotionStatus.MOVING:
             now_s = self._now_s()
@@ -262,9 +304,12 @@ class DiscreteMover:
                 sensor_lost = reason.sensor_lost
                 controller.abort(reason.text)
                 break
-            self._send(controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s)))
+            command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
+            commands.append((now_s, command))
+            self._send(command)
             self._sleep_until(now_s + settings.control_period_s)
         self._send(STANDSTILL)
+        self._learn(action, controller, start.pose, commands)
         with self._lock:
             self._held_heading_rad = target_rad if controller.done else None
             self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
@@ -276,6 +321,21 @@ class DiscreteMover:
             controller.duration_s,
             sensor_lost or controller.sensor_lost,
         )
+
+    def _learn(
+        self, action: Action, controller: Controller, start: Pose, commands: list[tuple[float, Command]]
+    ) -> None:
+        """Measure the response of the base from a movement that ended well."""
+        with self._lock:
+            driven, self._driven = self._driven or [], None
+        if not controller.done or not (action.turns or action.translates):
+            return
+        turns = action.turns
+        velocities = [(at_s, sent.angular_rad_s if turns else sent.linear_m_s) for at_s, sent in commands]
+        covered = [(at_s, covered_along(start, pose, turns=turns)) for at_s, pose in driven]
+        self._response.add(velocities, covered, turns=turns)
+        if isinstance(controller, MotionController):
+            self._response.add_slowest(controller.slowest, turns=turns)
 
     def _await_start(self, request: _Request) -> Start | _Reason:
         """Return the start of the movement, after the readings at rest that a noisy base needs."""
@@ -307,7 +367,7 @@ class DiscreteMover:
         with self._lock:
             fault, hazard, rival = self._senses.odometry_fault, self._senses.hazard_reason, self._senses.rival
             preempted = self._ticket_of if self._ticket != request.ticket else ""
-            silent_s = time.monotonic() - self._odometry_seen_s
+            silent_s = self._monotonic_s() - self._odometry_seen_s
         if hazard:
             return _Reason(hazard)
         if silent_s > request.settings.odometry_timeout_s:
@@ -347,3 +407,11 @@ class DiscreteMover:
             logger.warning("turned by %.1f° since the last movement: holding the present heading", turned_deg)
             return measured_rad
         return measured_rad + off_rad
+
+
+def covered_along(start: Pose, pose: Pose, *, turns: bool) -> float:
+    """Return the turn, or the distance ahead in the direction of `start`, from one pose to another."""
+    if turns:
+        return pose.heading_rad - start.heading_rad
+    x_m, y_m = pose.x_m - start.x_m, pose.y_m - start.y_m
+    return x_m * math.cos(start.heading_rad) + y_m * math.sin(start.heading_rad)

@@ -24,7 +24,7 @@ from vsnbench.sites.site import Site
 from vsnbench.values.encoding.images import depth_millimetres
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SimulationAccount
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
 _GIVE_UP_CATCHING_UP_S = 0.2
 BATTERY_FULL_H = 3.0
@@ -40,10 +40,8 @@ class SimulationOptions:
     rate_factor: float = 1.0
     """Simulated seconds per second; if not 1, all nodes use simulated time."""
     noise: NoiseSettings | None = None
-    command_lag_s: float = 0.0
-    """Dead time of the base, seconds."""
-    odometry_rate_hz: float | None = None
-    """Overrides the profile's rate."""
+    dynamics: BaseDynamics = IDEAL_BASE
+    """Behaviour of the base."""
     is_rehearsal: bool = False
     """Whether a placement has errors, as if an operator had moved the robot."""
 
@@ -105,14 +103,14 @@ class RobotPlayer:
         self._profile = profile
         self._options = options
         self._outlet = outlet
-        self._odometry_rate_hz = options.odometry_rate_hz or profile.base.odometry_rate_hz
+        self._odometry_rate_hz = options.dynamics.odometry_rate_hz or profile.base.odometry_rate_hz
         self.account = SimulationAccount(
             simulator=simulator_version(),
             site=site.name,
             site_sha256=site.sha256,
             profile_sha256=profile.sha256,
             odometry_rate_hz=self._odometry_rate_hz,
-            command_lag_s=options.command_lag_s,
+            base=options.dynamics.conditions,
             rate_factor=options.rate_factor,
             noise=None if options.noise is None else options.noise.model_dump(mode="json"),
             is_rehearsal=options.is_rehearsal,
@@ -120,7 +118,7 @@ class RobotPlayer:
         self.categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         """Category of each number in `Picture.instances`."""
         self._camera_rate_hz = camera_rate_hz
-        self._base = SimulatedBase(site, scene, profile, options.noise, options.command_lag_s, command_timeout_s)
+        self._base = SimulatedBase(site, scene, profile, options.noise, options.dynamics, command_timeout_s)
         self._renderer = Renderer(scene)
         self._rng = np.random.default_rng(0)
         self._shininess = scene.shininess(len(site.objects))
@@ -150,7 +148,7 @@ class RobotPlayer:
 
     def set_command(self, command: Command) -> None:
         """Accept a velocity command; ignore commands that are not finite."""
-        if not (math.isfinite(command.linear_m_s) and math.isfinite(command.angular_rad_s)):
+        if not all(map(math.isfinite, (command.linear_m_s, command.angular_rad_s, command.lateral_m_s))):
             return
         with self._lock:
             self._base.set_command(command)
@@ -199,10 +197,12 @@ class RobotPlayer:
         while not self._closed.is_set():
             with self._lock:
                 contact = self._base.advance()
-                now_s, odometry, truth = self._base.now_s, self._base.odometry, self._base.pose
+                now_s, truth = self._base.now_s, self._base.pose
+                due = now_s >= odometry_due_s - 1e-6
+                odometry = self._base.read_odometry() if due else None
             stamp_s = self._epoch_s + now_s
             self._outlet.publish_time(stamp_s)
-            if now_s >= odometry_due_s - 1e-6:
+            if odometry is not None:
                 odometry_due_s = max(odometry_due_s + 1 / self._odometry_rate_hz, now_s - CONTROL_PERIOD_S)
                 self._outlet.publish_odometry(odometry, stamp_s)
             self._outlet.publish_truth(truth, stamp_s)

@@ -59,7 +59,7 @@ class SimulationAccount(BaseModel):
     site_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of that site")
     profile_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="content hash of the profile that it plays")
     odometry_rate_hz: float = Field(gt=0, le=1000)
-    command_lag_s: float = Field(ge=0, le=10)
+    base: dict[str, Any] = Field(default_factory=dict, description="how its base differs from an ideal one")
     rate_factor: float = Field(gt=0, le=100, description="simulated seconds per second")
     noise: dict[str, Any] | None = Field(default=None, description="settings of its noise; none for exact sensors")
     is_rehearsal: bool = Field(default=False, alias=REHEARSAL_KEY, description="whether an operator places the robot")
@@ -70,6 +70,6 @@ class SimulationAccount(BaseModel):
         own = self.model_dump(
             mode="json",
             by_alias=True,
-            include={"simulator", "odometry_rate_hz", "command_lag_s", "rate_factor", "noise", "is_rehearsal"},
+            include={"simulator", "odometry_rate_hz", "base", "rate_factor", "noise", "is_rehearsal"},
         )
-        return {name: value for name, value in own.items() if value is not None and value is not False}
+        return {name: value for name, value in own.items() if value is not None and value is not False and value != {}}

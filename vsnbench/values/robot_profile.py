@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, model_validator
 
@@ -49,6 +49,48 @@ class Tolerances(BaseModel):
     turn_deg: float = Field(default=0.1, gt=0, le=10, description="error of a turn, degrees")
 
 
+class BaseDynamics(BaseModel):
+    """Behaviour of a simulated base that differs from an ideal one; the defaults are an ideal base.
+
+    docs/robots.md lists values of real bases with their sources.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    dead_time_s: float = Field(default=0.0, ge=0, le=1, description="time until a command begins to act, seconds")
+    motor_time_constant_s: float = Field(default=0.0, ge=0, le=1, description="first-order lag of the velocity, seconds")
+    deadband_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower forward commands do not move the base")
+    deadband_rad_s: float = Field(default=0.0, ge=0, lt=10, description="slower turns do not turn the base")
+    turn_slip: float = Field(default=0.0, ge=0, lt=0.9, description="share of a turn that skidding wheels lose unmeasured")
+    crab: float = Field(default=0.0, ge=-0.3, le=0.3, description="metres to the left per metre forward, measured")
+    sway_m: float = Field(default=0.0, ge=0, le=0.1, description="amplitude of a gait's sideways motion, measured")
+    sway_hz: float = Field(default=2.0, gt=0, le=10, description="frequency of the gait, Hz")
+    max_lateral_m_s: float = Field(default=0.0, ge=0, lt=3, description="speed limit sideways; 0 for wheels that cannot")
+    encoder_step_m: float = Field(default=0.0, ge=0, le=0.05, description="way of a wheel per encoder count; 0 is exact")
+    position_noise_m: float = Field(default=0.0, ge=0, le=0.05, description="standard deviation of each reading, metres")
+    heading_noise_deg: float = Field(default=0.0, ge=0, le=5, description="standard deviation of each reading, degrees")
+    heading_drift_deg_s: float = Field(default=0.0, ge=-5, le=5, description="drift of the gyro, also at rest")
+    odometry_rate_hz: float | None = Field(
+        default=None, ge=1, le=50, description="rate of the odometry, Hz; none for the profile's"
+    )
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """Values that differ from an ideal base, for the conditions of results."""
+        return self.model_dump(mode="json", exclude_defaults=True)
+
+    def fault(self, base: Base) -> str:
+        """Return why a base cannot behave like this, or an empty string."""
+        for name, limit in (("deadband_m_s", base.max_linear_m_s), ("deadband_rad_s", base.max_angular_rad_s)):
+            if (deadband := getattr(self, name)) >= limit:
+                unit = "m/s" if name.endswith("m_s") else "rad/s"
+                return f"{name}: {deadband:g} is not below the base's limit of {limit:g} {unit}"
+        return ""
+
+
+IDEAL_BASE = BaseDynamics()
+
+
 class Interface(BaseModel):
     """Interface of a robot; `kind` is the middleware, whose package defines and checks the other fields."""
 
@@ -77,6 +119,9 @@ class RobotProfile(BaseModel):
     interface: SerializeAsAny[Interface] | None = Field(
         default=None, description="none for a robot that is only ever simulated"
     )
+    dynamics: BaseDynamics | None = Field(
+        default=None, description="behaviour of the base in simulation; none for an ideal base"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -89,6 +134,12 @@ class RobotProfile(BaseModel):
             content = {key: value for key, value in content.items() if key != "ros"}
             content["interface"] = {"kind": "ros1", **names} if isinstance(names, Mapping) else names
         return content
+
+    @model_validator(mode="after")
+    def _with_possible_dynamics(self) -> Self:
+        if self.dynamics is not None and (fault := self.dynamics.fault(self.base)):
+            raise ValueError(f"dynamics: {fault}")
+        return self
 
     @property
     def tolerance_conditions(self) -> dict[str, Any]:
@@ -103,9 +154,11 @@ class RobotProfile(BaseModel):
     def sha256(self) -> str:
         """Hash of the content, independent of comments, formatting and the file's name.
 
-        It is computed from the older form, so that it equals the hash in older records.
+        It is computed from the older form, so that it equals the hash in older records. The dynamics are a condition of
+        simulated results instead, because they do not affect the real robot.
         """
         content = self.content()
+        content.pop("dynamics")
         if self.tolerances is None:
             content.pop("tolerances")
         if self.interface is not None and self.interface.kind == "ros2":

@@ -12,6 +12,7 @@ from vsnbench.simulator.dynamics.simulated_base import SimulatedBase
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import parse_site
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import BaseDynamics
 
 HALL = parse_site(
     """
@@ -49,7 +50,7 @@ def test_a_command_expires_when_none_follows() -> None:
 
 
 def test_a_lag_delays_every_command() -> None:
-    late, prompt = base(command_lag_s=0.1), base()
+    late, prompt = base(dynamics=BaseDynamics(dead_time_s=0.1)), base()
     for robot in (late, prompt):
         drive(robot, Command(0.2, 0.0), 1.0)
     assert prompt.pose.x_m - late.pose.x_m == pytest.approx(0.02, abs=0.004)

@@ -34,12 +34,14 @@ def simulate(
         float, typer.Option("--rate-factor", min=0.05, max=20, help="Simulated seconds per second.")
     ] = 1.0,
     noise: Annotated[bool, typer.Option("--noise", help="Simulate odometry drift and depth noise.")] = False,
-    command_lag: Annotated[
-        float, typer.Option("--command-lag", min=0, max=1, help="Delay of velocity commands in seconds.")
-    ] = 0.0,
-    odometry_rate: Annotated[
-        float | None,
-        typer.Option("--odometry-rate", min=1, max=50, show_default="as in the profile", help="Odometry rate in Hz."),
+    base: Annotated[
+        Path | None,
+        typer.Option(
+            "--base",
+            metavar="FILE",
+            show_default="as in the profile",
+            help="YAML file of the base's behaviour: dead time, motor lag, encoders, noise, slip, odometry rate.",
+        ),
     ] = None,
     rehearse: Rehearse = False,
 ) -> None:
@@ -53,15 +55,18 @@ def simulate(
 
         vsnbench robots simulate lola2 --noise --rate-factor 2
 
+        vsnbench robots simulate turtlebot2 --base examples/bases/kobuki.yaml
+
         vsnbench robots simulate turtlebot4@robot1
     """
-    from vsnbench.robots.profiles import load_profile
+    from vsnbench.robots.profiles import load_dynamics, load_profile
     from vsnbench.simulator.dynamics.noise import NoiseSettings
     from vsnbench.simulator.robot_player import SimulationOptions
     from vsnbench.sites.site import load_site
 
     profile, place = load_profile(robot), load_site(site)
-    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, command_lag, odometry_rate, rehearse)
+    dynamics = load_dynamics(base, profile)
+    options = SimulationOptions(rate_factor, NoiseSettings() if noise else None, dynamics, rehearse)
     if _uses_ros1(profile, ros_arguments):
         _simulate_ros1(profile, place, options, ros_arguments or [])
     else:

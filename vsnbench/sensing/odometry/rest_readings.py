@@ -85,6 +85,14 @@ class RestReadings:
         """Readings since the base is at rest."""
         return [pose for at_s, pose in self._readings if at_s >= self.from_s]
 
+    def mean(self, latest: Pose) -> Pose:
+        """Return the mean of the newest readings at rest; the latest reading of a base that moves or is quiet."""
+        poses = self.poses[-_ENOUGH:]
+        noise = self._meter.noise
+        if len(poses) < 2 or not (noise.position_m or noise.heading_rad):
+            return latest
+        return mean_pose(poses)
+
     def start(
         self, latest: Pose, tolerance: float, *, turns: bool, holds_heading: bool, final: bool = False
     ) -> Start | None:

@@ -7,24 +7,40 @@ from vsnbench.values.pose import Pose
 
 
 class WheelOdometry:
-    """Integrates short arcs; the pose is relative to the last reset, and its heading is not wrapped."""
+    """Integrates short arcs; the pose is relative to the last reset, and its heading is not wrapped.
 
-    def __init__(self, geometry: RollingGeometry) -> None:
+    Args:
+        geometry: rolling radius and track of the wheels.
+        step_m: way of a wheel per count of its encoder; 0 for an exact encoder.
+    """
+
+    def __init__(self, geometry: RollingGeometry, step_m: float = 0.0) -> None:
         self._geometry = geometry
+        self._step_rad = step_m / geometry.radius_m
         self.zero(WheelAngles(0.0, 0.0))
 
     def zero(self, angles: WheelAngles) -> None:
         """Set the pose to zero."""
-        self._last = angles
+        self._last = self._counted(angles)
         self.pose = Pose(0.0, 0.0, 0.0)
 
     def update(self, angles: WheelAngles) -> Pose:
         """Return the pose at the newest wheel angles."""
+        angles = self._counted(angles)
         left_m = (angles.left_rad - self._last.left_rad) * self._geometry.radius_m
         right_m = (angles.right_rad - self._last.right_rad) * self._geometry.radius_m
         self._last = angles
         self.pose = advanced(self.pose, (left_m + right_m) / 2, (right_m - left_m) / self._geometry.track_m)
         return self.pose
+
+    def _counted(self, angles: WheelAngles) -> WheelAngles:
+        """Return the angles as the encoders count them."""
+        step_rad = self._step_rad
+        if not step_rad:
+            return angles
+        return WheelAngles(
+            round(angles.left_rad / step_rad) * step_rad, round(angles.right_rad / step_rad) * step_rad
+        )
 
 
 def advanced(pose: Pose, way_m: float, turn_rad: float) -> Pose:

@@ -146,6 +146,13 @@ class Physics:
                 wheels[:] = 0.0
         return new or self.touch()
 
+    def slide(self, left_m: float) -> None:
+        """Displace the base to its left without turning its wheels."""
+        heading_rad = self.pose.heading_rad
+        position = self._world.data.qpos
+        position[0] -= left_m * math.sin(heading_rad)
+        position[1] += left_m * math.cos(heading_rad)
+
     def stop(self) -> None:
         """Brake to a standstill."""
         self._world.wheels[:] = 0.0

@@ -6,19 +6,18 @@ and the driver's pose follows with the base's next data packets, about 10 to 30 
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from vsnbench.control.command import STANDSTILL, Command
-from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryDrift
-from vsnbench.simulator.dynamics.odometry import WheelOdometry
-from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch
+from vsnbench.simulator.dynamics.driven_base import DrivenBase
+from vsnbench.simulator.dynamics.noise import NoiseSettings
+from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch
 from vsnbench.simulator.primitives import Scene
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
 _FRONT_RAD = math.radians(25)
 _BUMPER_RAD = math.radians(95)
@@ -42,19 +41,15 @@ class SimulatedBase:
         scene: Scene,
         profile: RobotProfile,
         noise: NoiseSettings | None = None,
-        command_lag_s: float = 0.0,
+        dynamics: BaseDynamics = IDEAL_BASE,
         command_timeout_s: float = 0.6,
     ) -> None:
         self._site = site
-        self._noise = noise
-        self._lag_s = command_lag_s
         self._command_timeout_s = command_timeout_s
-        self._physics = Physics(scene, profile.base)
-        self._commands: deque[tuple[float, Command]] = deque()
+        self._driven = DrivenBase(scene, profile.base, dynamics, None if noise is None else noise.odometry)
         self._current = STANDSTILL
         self._commanded_s = -math.inf
         self._reset_due_s = math.inf
-        self._drift: OdometryDrift | None = None
         self._origin = self._counted = Pose(0.0, 0.0, 0.0)
         self.now_s = 0.0
         """Time on the base's clock; a placement does not reset it."""
@@ -63,31 +58,32 @@ class SimulatedBase:
     @property
     def pose(self) -> Pose:
         """True pose of the robot in the site's frame."""
-        return self._physics.pose
+        return self._driven.physics.pose
 
     @property
     def odometry(self) -> Pose:
-        """Pose by odometry, in the odometry's frame."""
+        """Pose by odometry, in the odometry's frame, without the noise of a reading."""
         return self._origin.compose(self._counted)
+
+    def read_odometry(self) -> Pose:
+        """Return one reading of the odometry."""
+        return self._driven.read(self.odometry)
 
     @property
     def command(self) -> Command:
-        """Command that acts now."""
+        """Command that the driver passes to the motors now."""
         silent = self.now_s - self._commanded_s > self._command_timeout_s
         return STANDSTILL if silent else self._current
 
     def set_command(self, command: Command) -> None:
         """Accept a velocity command."""
-        self._commands.append((self.now_s + self._lag_s, command))
+        self._commanded_s, self._current = self.now_s, command
 
     def advance(self) -> Contact | None:
         """Advance by one control period of CONTROL_PERIOD_S; return the present contact."""
-        while self._commands and self._commands[0][0] <= self.now_s + 1e-9:
-            self._commanded_s, self._current = self._commands.popleft()
-        touch = self._physics.drive(self.command)
+        touch = self._driven.drive(self.command)
         self.now_s += CONTROL_PERIOD_S
-        counted = self._wheels.update(self._physics.wheel_angles)
-        self._counted = self._drift.update(counted) if self._drift is not None else counted
+        self._counted = self._driven.measure()
         if self.now_s >= self._reset_due_s - 1e-9:
             self._reset_due_s = math.inf
             self._origin = Pose(0.0, 0.0).relative_to(self._counted)
@@ -99,14 +95,10 @@ class SimulatedBase:
         Odometry does not change. `seed` restarts the errors of the odometry.
         """
         self._origin = self.odometry
-        self._physics.place(pose)
-        self._wheels = WheelOdometry(self._physics.geometry)
-        self._counted = self._wheels.pose
-        rng = np.random.default_rng(seed)
-        self._drift = OdometryDrift(self._noise.odometry, rng) if self._noise is not None else None
-        self._commands.clear()
+        self._driven.place(pose, np.random.default_rng(seed))
+        self._counted = Pose(0.0, 0.0, 0.0)
         self._current = STANDSTILL
-        touch = self._physics.touch()
+        touch = self._driven.physics.touch()
         return self._contact_of(touch).name if touch else ""
 
     def reset_odometry(self) -> None:

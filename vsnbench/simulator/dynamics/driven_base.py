@@ -1,0 +1,145 @@
+"""A base in the physics with its motors and its odometry: what it makes of a command, and what it reports.
+
+Every property of a base that is not ideal (`BaseDynamics`) takes effect here, for the robot in this process and for the
+one on the topics of ROS.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.simulator.dynamics.noise import OdometryDrift, OdometryNoise
+from vsnbench.simulator.dynamics.odometry import WheelOdometry, advanced
+from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch
+from vsnbench.simulator.primitives import Scene
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import IDEAL_BASE, Base, BaseDynamics
+
+_GAIT_START_S = 0.15
+"""Time constant with which the sway of a gait begins and ends."""
+_WALKING_M_S = 0.01
+
+
+class DrivenBase:
+    """One base in one scene; time passes only in `drive`. Bit-identical from run to run for the same seed."""
+
+    def __init__(
+        self, scene: Scene, base: Base, dynamics: BaseDynamics = IDEAL_BASE, noise: OdometryNoise | None = None
+    ) -> None:
+        self.physics = Physics(scene, base)
+        self._dynamics = dynamics
+        self._noise = noise
+        self._is_ideal = not dynamics.conditions
+        self._motors = Motors(dynamics)
+
+    def place(self, pose: Pose, rng: np.random.Generator) -> None:
+        """Put the base down at rest; its odometry begins at zero, with errors from `rng`."""
+        self.physics.place(pose)
+        self._motors.reset()
+        self._wheels = WheelOdometry(self.physics.geometry, self._dynamics.encoder_step_m)
+        self._drift = OdometryDrift(self._noise, rng) if self._noise is not None else None
+        self._rng = rng
+        self._gait, self._walking, self._sway_m, self._slid_m = 0.0, 0.0, 0.0, 0.0
+        self._rolled = self._measured = self._wheels.pose
+        self._drifted_rad = 0.0
+
+    def drive(self, command: Command) -> Touch | None:
+        """Hold a velocity for one control period; return the present contact, or None."""
+        if self._is_ideal:
+            return self.physics.drive(command)
+        moving = self._motors.velocity(command)
+        touch = self.physics.drive(Command(moving.linear_m_s, moving.angular_rad_s * (1 - self._dynamics.turn_slip)))
+        self._drifted_rad += math.radians(self._dynamics.heading_drift_deg_s) * CONTROL_PERIOD_S
+        left_m = (moving.linear_m_s * self._dynamics.crab + moving.lateral_m_s) * CONTROL_PERIOD_S + self._swayed(moving)
+        if left_m and touch is None:
+            self.physics.slide(left_m)
+            self._slid_m += left_m
+        return touch
+
+    def measure(self) -> Pose:
+        """Return the odometry since the base was put down, with an unwrapped heading and without `read`'s noise."""
+        rolled = self._wheels.update(self.physics.wheel_angles)
+        if not self._is_ideal:
+            last, self._rolled = self._rolled, rolled
+            turn_rad = rolled.heading_rad - last.heading_rad
+            way_m = (rolled.x_m - last.x_m) * math.cos(last.heading_rad + turn_rad / 2) + (
+                rolled.y_m - last.y_m
+            ) * math.sin(last.heading_rad + turn_rad / 2)
+            counted = advanced(self._measured, way_m, turn_rad / (1 - self._dynamics.turn_slip))
+            self._measured = rolled = counted.compose(Pose(0.0, self._slid_m))
+            self._slid_m = 0.0
+        return self._drift.update(rolled) if self._drift is not None else rolled
+
+    def read(self, measured: Pose) -> Pose:
+        """Return one reading of a measured pose: with the noise of a reading and the drift of the gyro."""
+        position_m, heading_rad = self._dynamics.position_noise_m, math.radians(self._dynamics.heading_noise_deg)
+        if not (position_m or heading_rad or self._drifted_rad):
+            return measured
+        x, y, heading = self._rng.standard_normal(3).tolist()
+        return Pose(
+            measured.x_m + position_m * x,
+            measured.y_m + position_m * y,
+            measured.heading_rad + self._drifted_rad + heading_rad * heading,
+        )
+
+    def _swayed(self, moving: Command) -> float:
+        """Return the sideways motion of the gait in this period, metres to the left."""
+        if not self._dynamics.sway_m:
+            return 0.0
+        walks = abs(moving.linear_m_s) + abs(moving.angular_rad_s) + abs(moving.lateral_m_s) > _WALKING_M_S
+        self._walking += (walks - self._walking) * CONTROL_PERIOD_S / _GAIT_START_S
+        self._gait += math.tau * self._dynamics.sway_hz * CONTROL_PERIOD_S
+        before_m, self._sway_m = self._sway_m, self._dynamics.sway_m * self._walking * math.sin(self._gait)
+        return self._sway_m - before_m
+
+
+class Motors:
+    """What the motors of a base make of commands: late, sluggish, deaf to slow ones; within the limit sideways."""
+
+    def __init__(self, dynamics: BaseDynamics) -> None:
+        self._dynamics = dynamics
+        delay = dynamics.dead_time_s / CONTROL_PERIOD_S
+        self._whole = math.floor(delay + 1e-9)
+        self._part = max(delay - self._whole, 0.0)
+        self._kept = math.exp(-CONTROL_PERIOD_S / dynamics.motor_time_constant_s) if dynamics.motor_time_constant_s else 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand still, and forget earlier commands."""
+        self._commands = deque([STANDSTILL] * (self._whole + 2), maxlen=self._whole + 2)
+        self._now = STANDSTILL
+
+    def velocity(self, command: Command) -> Command:
+        """Return the mean velocity in the control period that begins with a command."""
+        dynamics = self._dynamics
+        limit_m_s = dynamics.max_lateral_m_s
+        self._commands.append(
+            Command(
+                _above(command.linear_m_s, dynamics.deadband_m_s),
+                _above(command.angular_rad_s, dynamics.deadband_rad_s),
+                max(-limit_m_s, min(command.lateral_m_s, limit_m_s)),
+            )
+        )
+        due = _blend(self._commands[1], self._commands[0], self._part)
+        if not self._kept:
+            return due
+        # The mean of an exponential approach over the period, not its value at the end.
+        mean_share = dynamics.motor_time_constant_s / CONTROL_PERIOD_S * (1 - self._kept)
+        mean = _blend(due, self._now, mean_share)
+        self._now = _blend(due, self._now, self._kept)
+        return mean
+
+
+def _above(velocity: float, deadband: float) -> float:
+    return velocity if abs(velocity) >= deadband else 0.0
+
+
+def _blend(one: Command, other: Command, share: float) -> Command:
+    """Return the mean of two velocities; `share` is that of the other."""
+    return Command(
+        (1 - share) * one.linear_m_s + share * other.linear_m_s,
+        (1 - share) * one.angular_rad_s + share * other.angular_rad_s,
+        (1 - share) * one.lateral_m_s + share * other.lateral_m_s,
+    )
