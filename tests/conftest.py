@@ -11,8 +11,10 @@ from hypothesis import settings
 
 HERE = Path(__file__).parent
 
-settings.register_profile("same", derandomize=True)
-"""Derandomized: every run generates the same examples. `HYPOTHESIS_PROFILE=default` generates new ones."""
+settings.register_profile("same", derandomize=True, deadline=None)
+"""Derandomized: every run generates the same examples. `HYPOTHESIS_PROFILE=default` generates new ones. Without a
+deadline, because a busy machine would miss it.
+"""
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(

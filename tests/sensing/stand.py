@@ -1,7 +1,7 @@
 """A mover and the simulated base that it drives, in virtual time: load and luck play no part.
 
-Time passes only while the mover, or the test, sleeps. The mover, its control law and the base are the real ones; only the
-clock is this file's.
+Time passes only while the mover, or the test, sleeps. The mover, its control law and the base are the real ones; only
+the clock is this file's.
 """
 
 import math
@@ -146,7 +146,10 @@ def trial(stand: Stand, kind: str, movement: "Drive | float") -> Trial:
         wanted, off_m = before, abs(after.distance_to(before) - stand.settings.forward_m)
     else:
         assert isinstance(movement, Waypoint | Trajectory)
-        points = [(0.0, 0.0), *(movement.points if isinstance(movement, Trajectory) else [(movement.x_m, movement.y_m)])]
+        points = [
+            (0.0, 0.0),
+            *(movement.points if isinstance(movement, Trajectory) else [(movement.x_m, movement.y_m)]),
+        ]
         (ax, ay), (bx, by) = points[-2:]
         wanted = before.compose(Pose(bx, by, math.atan2(by - ay, bx - ax)))
         off_m = after.distance_to(wanted)

@@ -77,7 +77,10 @@ class Stand:
 )
 def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, noise: bool, rate_hz: float) -> None:
     """The tolerance applies to absolute headings; between calls, two errors and the end of a move add up."""
-    stand = Stand(SimulatedBase(HALL, SCENE, PROFILE, NoiseSettings() if noise else None, BaseDynamics(dead_time_s=lag_s)), rate_hz)
+    stand = Stand(
+        SimulatedBase(HALL, SCENE, PROFILE, NoiseSettings() if noise else None, BaseDynamics(dead_time_s=lag_s)),
+        rate_hz,
+    )
     stand.base.put_down(Pose(0.0, 0.0, 0.3), seed=8)
     stand.sleep_until(stand.base.now_s + REST_S)
     choice = random.Random(8)

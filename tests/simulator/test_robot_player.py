@@ -37,7 +37,9 @@ def player(outlet: Outlet) -> RobotPlayer:
 
 
 def played(outlet: Outlet, *, is_rehearsal: bool = False) -> RobotPlayer:
-    options = SimulationOptions(noise=NoiseSettings(), dynamics=BaseDynamics(dead_time_s=0.1), is_rehearsal=is_rehearsal)
+    options = SimulationOptions(
+        noise=NoiseSettings(), dynamics=BaseDynamics(dead_time_s=0.1), is_rehearsal=is_rehearsal
+    )
     return RobotPlayer(ROOM, turtlebot2(), options, outlet, 30.0, 0.6)
 
 

@@ -58,11 +58,12 @@ class MotionController(Controller):
 
     Call `step` with the newest odometry about every `settings.control_period_s`, send the returned command to the base,
     and stop when `status` is no longer MOVING. Motion commanded since the odometry was measured is added to it, at any
-    odometry rate. Without a known `response`, the dead time between a command and its effect in the odometry is measured
-    during acceleration. The result is judged only at rest; a small remaining error is corrected by dead reckoning.
+    odometry rate. If the `response` is not known, the dead time between a command and its effect in the odometry is
+    measured during acceleration. The result is judged only at rest; a small remaining error is corrected by dead
+    reckoning.
 
-    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading, or steers
-    to a `target`.
+    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading, or
+    steers to a `target`.
 
     Args:
         action: the action.
@@ -202,10 +203,11 @@ class MotionController(Controller):
         if self._phase is _SETTLE:
             if self._window is not None:
                 self._judge_by_window(self._window, pose, left, now_s, stamp_s)
-            elif not self._settled(left, stamp_s):
+            elif not self._settled(left, now_s, stamp_s):
                 return STANDSTILL
             else:
-                self._judge(pose, left, now_s)
+                coming = self._along(*self._sent.pending(now_s, stamp_s)) if self._knows_response else 0.0
+                self._judge(pose, left - coming, now_s)
             if self.status is not _MOVING or self._phase is _SETTLE:
                 return STANDSTILL
         pending: tuple[float, float] | None = None
@@ -228,7 +230,7 @@ class MotionController(Controller):
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
         slower = braking_speed(remaining * way, self._deceleration, max(period_s, self._period_s))
         self._speed = min(faster, self._cruise, slower)
-        if slower <= self._speed:
+        if slower <= self._speed and not self.corrections:  # a correction begins at rest
             slowest.look(now_s, left, self._commanded, self._speed, self._delay_s)
         if slowest.velocity:
             self._speed = min(slowest.raised(self._speed, remaining * way, self._period_s), self._cruise)
@@ -271,14 +273,17 @@ class MotionController(Controller):
         asked_s = before.at_s + share * (after.at_s - before.at_s)
         self._sent.dead_time_s = min(max(stamp_s - asked_s, 0.0), _MAX_LATENCY_S)
 
-    def _settled(self, left: float, stamp_s: float) -> bool:
-        """Return whether the measured pose has not changed for the settling time."""
+    def _settled(self, left: float, now_s: float, stamp_s: float) -> bool:
+        """Return whether the measured pose has not changed for the settling time, and should not change any more."""
         still = self._still_since
         if still is None or abs(left - still.amount) > STILL_SHARE * self._tolerance:
             self._still_since = _Mark(stamp_s, left)
             return False
-        needed_s = self.settings.settle_s + self._sent.dead_time_s + 0.5 * self._sent.lag_s
-        return stamp_s - still.at_s >= needed_s - 1e-9
+        if not self._knows_response:
+            return stamp_s - still.at_s >= self.settings.settle_s + self._sent.dead_time_s - 1e-9
+        if stamp_s - still.at_s < self.settings.settle_s + 0.5 * self._sent.lag_s - 1e-9:
+            return False
+        return abs(self._along(*self._sent.pending(now_s, stamp_s))) <= STILL_SHARE * self._tolerance
 
     def _judge_by_window(self, window: RestWindow, pose: Pose, left: float, now_s: float, stamp_s: float) -> None:
         """At rest with noisy odometry: accept by mean and bound, correct, continue to read, or fail."""

@@ -90,7 +90,7 @@ class Leg:
         if self.velocity is not None:
             return VelocityController(self.velocity, start, settings, noise)
         if self.path:
-            return PathController(self.path, start, settings, noise, response)
+            return PathController(self.path, settings, noise, response)
         return MotionController(
             self.action,
             start,

@@ -1,6 +1,7 @@
 """Controller of a curved path: pure pursuit (Coulter 1992, CMU-RI-TR-92-01) with the speed profile of a move."""
 
 import math
+from bisect import bisect_left
 from itertools import accumulate, pairwise
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
@@ -9,9 +10,9 @@ from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import StallMonitor
-from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise
+from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise, is_quiet
 from vsnbench.values.action import Action
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, advanced
 
 _LOOK_AHEAD_M = 0.20
 """Distance along the path of the point that is pursued."""
@@ -28,6 +29,7 @@ _OFF_PATH_M = 0.30
 _STILL_M, _STILL_RAD = 0.002, math.radians(0.2)
 _STALL_M, _STALL_RAD = 0.03, math.radians(5)
 """Commanded amounts that a base must follow within the stall time."""
+_SMOOTHING_S = 0.3
 _STALE_SHARE = 0.5
 """Maximum age of odometry for the stall test, as a share of the stall time."""
 
@@ -40,7 +42,6 @@ class PathController(Controller):
 
     Args:
         path: points in the frame of the odometry, from the robot's position on.
-        start: odometry at the start.
         settings: speeds, limits and tolerances.
         noise: noise of the odometry at rest.
         response: response of the base, if it is known.
@@ -49,7 +50,6 @@ class PathController(Controller):
     def __init__(
         self,
         path: tuple[tuple[float, float], ...],
-        start: Pose,
         settings: MotionSettings,
         noise: StandstillNoise = QUIET,
         response: BaseResponse | None = None,
@@ -72,6 +72,9 @@ class PathController(Controller):
         self._is_ending = False
         self._began_s: float | None = None
         self._last_s = 0.0
+        self._is_noisy = not is_quiet(noise.position_m, _STILL_M)
+        self._estimate: Pose | None = None
+        self._stamp_s = -math.inf
         self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
         self._stalls = StallMonitor(settings.stall_s, _STALL_M), StallMonitor(settings.stall_s, _STALL_RAD)
         self._commanded_m = self._commanded_rad = 0.0
@@ -102,11 +105,12 @@ class PathController(Controller):
             return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
         if self.duration_s > self._limit_s:
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall()}")
-        expected = self._sent.expected(pose, now_s, stamp_s)
+        pending_m, pending_rad = self._sent.pending(now_s, stamp_s)
+        expected = self._smoothed(advanced(pose, pending_m, pending_rad), period_s, stamp_s)
         off_m = self._update_progress(expected)
         if off_m > _OFF_PATH_M:
             return self.abort(f"{off_m:.2f} m off its path: {self._shortfall()}")
-        if self._is_stuck(pose, now_s, stamp_s):
+        if self._is_stuck(pose, now_s, stamp_s, pending_m, pending_rad):
             return self.abort(f"the base does not follow its commands: {self._shortfall()}")
         if not self._is_ending and self.remaining_m <= max(_END_M, 0.5 * self._slowest_m_s * period_s):
             self._is_ending = True
@@ -117,11 +121,27 @@ class PathController(Controller):
             return STANDSTILL
         command = self._pursue(expected, period_s)
         if command.angular_rad_s * self._sent.last.angular_rad_s < 0:
-            self._stalls[1].restart()  # a turn that reverses covers nothing on balance
+            self._stalls[1].restart()  # around a reversal, a base with an unknown lag covers nothing on balance
         self._commanded_m += abs(command.linear_m_s) * period_s
         self._commanded_rad += command.angular_rad_s * period_s
         self._sent.add(now_s, command)
         return command
+
+    def _smoothed(self, expected: Pose, period_s: float, stamp_s: float) -> Pose:
+        """Return the expected pose; with noisy odometry by the commands, slowly corrected by each reading."""
+        if self._estimate is None or not self._is_noisy:
+            self._estimate, self._stamp_s = expected, stamp_s
+            return expected
+        sent = self._sent.last
+        estimate = advanced(self._estimate, sent.linear_m_s * period_s, sent.angular_rad_s * period_s)
+        share = 1 - math.exp((self._stamp_s - stamp_s) / _SMOOTHING_S)
+        self._stamp_s = max(stamp_s, self._stamp_s)
+        self._estimate = Pose(
+            estimate.x_m + share * (expected.x_m - estimate.x_m),
+            estimate.y_m + share * (expected.y_m - estimate.y_m),
+            estimate.heading_rad + share * (expected.heading_rad - estimate.heading_rad),
+        )
+        return self._estimate
 
     def _pursue(self, pose: Pose, period_s: float) -> Command:
         x_m, y_m = self._point_at(self._progress_m + self._look_ahead_m())
@@ -143,7 +163,9 @@ class PathController(Controller):
     def _look_ahead_m(self) -> float:
         """Return the distance of the point to pursue: shorter in a sharp bend, and towards the end."""
         ahead_m = min(_LOOK_AHEAD_M, max(self.remaining_m, _LEAST_LOOK_AHEAD_M))
-        bend_rad = abs(turn_error_rad(self._direction_rad(self._progress_m + ahead_m), self._direction_rad(self._progress_m)))
+        bend_rad = abs(
+            turn_error_rad(self._direction_rad(self._progress_m + ahead_m), self._direction_rad(self._progress_m))
+        )
         return max(_LEAST_LOOK_AHEAD_M, ahead_m * min(1.0, _BEND_RAD / max(bend_rad, 1e-9)))
 
     def _direction_rad(self, at_m: float) -> float:
@@ -171,20 +193,19 @@ class PathController(Controller):
 
     def _point_at(self, at_m: float) -> tuple[float, float]:
         """Return the point at a length of the path; beyond its end, on the extension of the last segment."""
-        for k in range(len(self._path) - 1):
-            if at_m <= self._at_m[k + 1] or k == len(self._path) - 2:
-                (ax, ay), (bx, by) = self._path[k], self._path[k + 1]
-                span_m = self._at_m[k + 1] - self._at_m[k]
-                share = (at_m - self._at_m[k]) / span_m if span_m > 0 else 0.0
-                return ax + share * (bx - ax), ay + share * (by - ay)
-        return self._path[-1]
+        k = min(max(bisect_left(self._at_m, at_m) - 1, 0), len(self._path) - 2)
+        (ax, ay), (bx, by) = self._path[k], self._path[k + 1]
+        span_m = self._at_m[k + 1] - self._at_m[k]
+        share = (at_m - self._at_m[k]) / span_m if span_m > 0 else 0.0
+        return ax + share * (bx - ax), ay + share * (by - ay)
 
-    def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float) -> bool:
+    def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float, pending_m: float, pending_rad: float) -> bool:
+        """Return whether the base covered too little of what it was commanded, without what is still to take effect."""
         if now_s - stamp_s > _STALE_SHARE * self._settings.stall_s:
             return False
         moves, turns = self._stalls
-        stuck = moves.is_stuck(now_s, complex(pose.x_m, pose.y_m), self._commanded_m)
-        return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad) or stuck
+        stuck = moves.is_stuck(now_s, complex(pose.x_m, pose.y_m), self._commanded_m - pending_m)
+        return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad - pending_rad) or stuck
 
     def _shortfall(self) -> str:
         return f"followed {self._progress_m:.2f} m of {self.length_m:.2f} m"

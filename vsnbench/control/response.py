@@ -1,4 +1,4 @@
-"""Response of a base to commands: dead time, motor lag and slowest velocities; what was commanded but not yet measured."""
+"""Response of a base to commands: dead time, motor lag, slowest velocities; commanded motion not yet measured."""
 
 import math
 from collections import deque
@@ -11,11 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
-_STEP_S = 0.01
-_DEAD_TIMES_S = np.arange(0.0, 0.42, 0.02)
-_LAGS_S = np.array([0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4])
+_STEP_S = 0.005
+_DEAD_TIMES_S = np.arange(0.0, 0.42, 0.03)
+_LAGS_S = np.array([0.0, 0.03, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35])
+_FINE_DEAD_TIMES_S = np.arange(-0.03, 0.031, 0.005)
+_FINE_LAGS = np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3])
+_FINE_LAGS_S = np.array([0.0, 0.01, 0.02])
 _FEWEST_READINGS = 8
 _LEAST_M, _LEAST_RAD = 0.05, math.radians(8)
 """Shorter movements do not show the response."""
@@ -93,16 +97,6 @@ class SentCommands:
             angular_rad += self.lag_s * self._moving.angular_rad_s
         return linear_m, angular_rad
 
-    def expected(self, pose: Pose, now_s: float, stamp_s: float) -> Pose:
-        """Return the pose that a base measured at `pose` reaches when all commands have taken effect."""
-        linear_m, angular_rad = self.pending(now_s, stamp_s)
-        toward_rad = pose.heading_rad + angular_rad / 2
-        return Pose(
-            pose.x_m + linear_m * math.cos(toward_rad),
-            pose.y_m + linear_m * math.sin(toward_rad),
-            pose.heading_rad + angular_rad,
-        )
-
     def _follow(self, until_s: float) -> None:
         """Advance the modelled velocity of the base to a time of the commands."""
         for k, (at_s, command) in enumerate(self._sent):
@@ -139,25 +133,40 @@ class ResponseMeter:
         )
 
     def add(
-        self, commands: Sequence[tuple[float, float]], readings: Sequence[tuple[float, float]], *, turns: bool
+        self,
+        action: Action,
+        slowest: float,
+        start: Pose,
+        commands: Sequence[tuple[float, Command]],
+        readings: Sequence[tuple[float, Pose]],
     ) -> None:
-        """Add a movement along one axis; one that was too short or does not fit changes nothing.
+        """Add a turn or a straight move that ended well; one that was short or does not fit shows no delay.
 
         Args:
-            commands: time and velocity of each command, the last one zero; m/s or rad/s.
-            readings: time of measurement and amount covered since the start, on the same clock; metres or radians.
-            turns: whether the amounts are radians.
+            action: the turn or the move.
+            slowest: slowest velocity that moves the base, as far as it showed; m/s or rad/s.
+            start: odometry at its start.
+            commands: time and velocity of each command, the last one zero.
+            readings: time of measurement and odometry, on the same clock.
         """
-        response = measured_response(commands, readings, _LEAST_RAD if turns else _LEAST_M)
+        turns = action.turns
+        velocities = [(at_s, sent.angular_rad_s if turns else sent.linear_m_s) for at_s, sent in commands]
+        covered = [(at_s, _covered(start, pose, turns=turns)) for at_s, pose in readings]
+        response = measured_response(velocities, covered, _LEAST_RAD if turns else _LEAST_M)
         if response is not None:
             self._measured.append(response)
-
-    def add_slowest(self, velocity: float, *, turns: bool) -> None:
-        """Add the slowest velocity that a movement found to move the base; m/s or rad/s."""
         if turns:
-            self._slowest_rad_s = max(self._slowest_rad_s, velocity)
+            self._slowest_rad_s = max(self._slowest_rad_s, slowest)
         else:
-            self._slowest_m_s = max(self._slowest_m_s, velocity)
+            self._slowest_m_s = max(self._slowest_m_s, slowest)
+
+
+def _covered(start: Pose, pose: Pose, *, turns: bool) -> float:
+    """Return the turn, or the distance ahead in the direction of `start`, from one pose to another."""
+    if turns:
+        return pose.heading_rad - start.heading_rad
+    x_m, y_m = pose.x_m - start.x_m, pose.y_m - start.y_m
+    return x_m * math.cos(start.heading_rad) + y_m * math.sin(start.heading_rad)
 
 
 def measured_response(
@@ -181,13 +190,18 @@ def measured_response(
     index = np.searchsorted(times_s, grid_s, side="right") - 1
     commanded = np.where(index >= 0, velocities[np.maximum(index, 0)], 0.0)
     best, best_error = BaseResponse(), math.inf
-    for lag_s in _LAGS_S:
-        way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
-        for dead_time_s in _DEAD_TIMES_S:
-            modelled = np.interp(at_s - dead_time_s, grid_s + _STEP_S, way)
-            error = _misfit(modelled, covered)
-            if error < best_error:
-                best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
+    for is_fine in (False, True):
+        lags_s, dead_times_s = _LAGS_S, _DEAD_TIMES_S
+        if is_fine:
+            lags_s = best.lag_s * _FINE_LAGS if best.lag_s else _FINE_LAGS_S
+            dead_times_s = np.maximum(best.dead_time_s + _FINE_DEAD_TIMES_S, 0.0)
+        for lag_s in lags_s:
+            way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
+            for dead_time_s in dead_times_s:
+                modelled = np.interp(at_s - dead_time_s, grid_s + _STEP_S, way)
+                error = _misfit(modelled, covered)
+                if error < best_error:
+                    best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
     return best if best_error <= _WORST_FIT * extent else None
 
 

@@ -16,7 +16,9 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, PathCheck, Robot
-from vsnbench.sensing.movement_check import distance_along
+from vsnbench.robots.simulated_mover import SimulatedMover
+from vsnbench.sensing.movement_check import RequestedDrive, displacement_m, distance_along
+from vsnbench.sensing.movements import Outcome
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
@@ -71,8 +73,9 @@ class SimulatedRobot(Robot):
         )
         self.settings = MotionSettings.for_robot(profile, parameters)
         scene = build_scene(site)
-        self._dynamics = profile.dynamics or IDEAL_BASE
-        self._base = DrivenBase(scene, profile.base, self._dynamics, None if noise is None else noise.odometry)
+        dynamics = profile.dynamics or IDEAL_BASE
+        self._base = DrivenBase(scene, profile.base, dynamics, None if noise is None else noise.odometry)
+        self._mover: SimulatedMover | None = None
         self._physics = self._base.physics
         self._renderer = Renderer(scene)
         self._shininess = scene.shininess(len(site.objects))
@@ -104,6 +107,9 @@ class SimulatedRobot(Robot):
         self._odometry = Pose(0.0, 0.0, 0.0)
         self._odometry_stamp_s = 0.0
         self._target_heading_rad = 0.0
+        if self.profile.dynamics is not None:
+            self._mover = SimulatedMover(self._base, self.profile, self.settings)
+            self._odometry = self._mover.reading
         self._begun = True
 
     def observe(self) -> Observation:
@@ -146,6 +152,8 @@ class SimulatedRobot(Robot):
         if not action.moves:
             return MotionResult(completed=True, pose=_reported(self._odometry))
         start, start_s = self._odometry, self._physics.time_s
+        if self._mover is not None:
+            return self._moved(self._mover, self._mover.execute(action), start, start_s)
         self._target_heading_rad = heading_after(action, self._target_heading_rad, self.settings)
         controller = MotionController(action, start, self._target_heading_rad, self.settings)
         touch: Touch | None = None
@@ -164,6 +172,8 @@ class SimulatedRobot(Robot):
         """Execute a movement leg by leg. A contact stops it at once, and so does the check."""
         self._require_begun()
         start, start_s = self._odometry, self._physics.time_s
+        if self._mover is not None:
+            return self._driven(self._mover, movement, check)
         plan = LegPlan(movement, start)
         path_m, controller, touch, blocked = 0.0, None, None, ""
         while (leg := plan.next(self._odometry)) is not None and not blocked:
@@ -191,7 +201,52 @@ class SimulatedRobot(Robot):
                 break
         self._target_heading_rad = self._odometry.heading_rad
         result = self._result(controller, start, start_s, touch)
-        return replace(result, path_m=path_m, blocked=blocked)
+        return replace(
+            result,
+            completed=result.completed and not plan.failure,
+            failure=result.failure or plan.failure,
+            displacement_m=displacement_m(start, self._odometry, movement),
+            path_m=path_m,
+            blocked=blocked,
+        )
+
+    def _driven(self, mover: SimulatedMover, movement: Drive, check: PathCheck) -> MotionResult:
+        """Execute a movement on a base that is not ideal."""
+        start, start_s = self._odometry, self._physics.time_s
+        requested = RequestedDrive(movement, self.settings)
+        blocked, looked_s = "", -math.inf
+
+        def blocked_now() -> str:
+            nonlocal blocked, looked_s
+            now_s = self._physics.time_s
+            if mover.command.linear_m_s and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
+                looked_s = now_s
+                blocked = check(self._driving_view(mover.command, requested.remaining_m(start, mover.reading)))
+            return blocked
+
+        result = self._moved(mover, mover.drive(movement, blocked_now), start, start_s)
+        return replace(
+            result,
+            failure="" if blocked else result.failure,
+            displacement_m=displacement_m(start, self._odometry, movement),
+            path_m=mover.path_m,
+            blocked=blocked,
+        )
+
+    def _moved(self, mover: SimulatedMover, outcome: Outcome, start: Pose, start_s: float) -> MotionResult:
+        """Return the measured motion of a base that is not ideal."""
+        self._odometry = mover.reading
+        name = self._name_of(mover.touch) if mover.touch else ""
+        return MotionResult(
+            completed=outcome.answer and mover.touch is None,
+            displacement_m=distance_along(start, self._odometry),
+            turn_rad=self._odometry.heading_rad - start.heading_rad,
+            duration_s=self._physics.time_s - start_s,
+            collision=Collision(CollisionSource.CONTACT, name) if name else None,
+            failure=f"touched {name}" if name else outcome.reason,
+            corrections=outcome.corrections,
+            pose=_reported(self._odometry),
+        )
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""

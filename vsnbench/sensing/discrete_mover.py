@@ -4,34 +4,30 @@ Other threads pass in odometry and events. `carry_out` returns when the movement
 velocity.
 """
 
-import logging
 import math
 import statistics
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.controller import MotionController
-from vsnbench.control.law import heading_after, turn_error_rad
+from vsnbench.control.held_heading import HeldHeading
+from vsnbench.control.law import heading_after
 from vsnbench.control.legs import Leg, LegPlan, longest_duration_s
 from vsnbench.control.response import ResponseMeter
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.movements import MOVEMENTS, Outcome
-from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFault, OdometryFaultKind, OdometryTracker
+from vsnbench.sensing.mover_senses import EndReason, MoverSenses
+from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFaultKind, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.action import Action
 from vsnbench.values.movement import Drive, movement_to_json
 from vsnbench.values.pose import Pose
-
-logger = logging.getLogger(__name__)
-
-_MOVED_BY_HAND_RAD = math.radians(3)
-"""A larger difference from the held heading has another cause: the robot was lifted, pushed or reset."""
 
 _SETTLING_READINGS = 2.5
 """Settling time in odometry periods: slow odometry repeats its value while the robot still rolls."""
@@ -41,26 +37,6 @@ _LONGEST_PAUSE_S = 0.6
 """Longest time between two commands: after a longer one, a stopped base would start again without a request."""
 _LONGEST_START_S = 1.5
 """Longest time of readings at rest before a movement of a noisy base."""
-
-
-@dataclass
-class _Senses:
-    """Reports of other threads; guarded by the mover's lock."""
-
-    hazards: dict[Hazard, set[int]] = field(default_factory=lambda: {hazard: set() for hazard in Hazard})
-    hazard_reason: str = ""
-    """Hazard since the movement began, or empty."""
-    odometry_fault: OdometryFault | None = None
-    rival: str = ""
-    """Fault of another publisher that commanded the base since the movement began, or empty."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Reason:
-    """Reason to end a movement."""
-
-    text: str
-    sensor_lost: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +87,12 @@ class DiscreteMover:
         self._sleep_until = sleep_until
         self._monotonic_s = monotonic_s
         self._clock = ClockOffset()
-        self._senses = _Senses()
+        self._senses = MoverSenses()
         self._lock = threading.Lock()
         self._moving = threading.Lock()
         self._ticket = 0
         self._ticket_of = ""
-        self._held_heading_rad: float | None = None
-        self._held_error_rad = 0.0
+        self._held = HeldHeading()
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
         self._rest = RestReadings()
@@ -154,18 +129,14 @@ class DiscreteMover:
     def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
         """Take the state of one hazard sensor."""
         with self._lock:
-            if not active:
-                self._senses.hazards[hazard].discard(sensor)
-                return
-            self._senses.hazards[hazard].add(sensor)
-            self._senses.hazard_reason = f"{hazard.value} ({where})"
-            if hazard is Hazard.WHEEL_DROP:
-                self._held_heading_rad = None
+            self._senses.take_hazard(hazard, sensor, active, where)
+            if active and hazard is Hazard.WHEEL_DROP:
+                self._held.forget()
 
     def forget_heading(self) -> None:
         """Start the next movement from the present heading, as at the start of an episode."""
         with self._lock:
-            self._held_heading_rad = None
+            self._held.forget()
 
     def stop(self, reason: str) -> None:
         """End the running movement as failed, and command zero velocity."""
@@ -174,7 +145,7 @@ class DiscreteMover:
             self._send(STANDSTILL)
 
     def carry_out(
-        self, movement: str, angle_deg: int, caller_gone: Callable[[], bool], distance_m: float | None = None
+        self, movement: str, angle_deg: float, caller_gone: Callable[[], bool], distance_m: float | None = None
     ) -> Outcome:
         """Execute one movement to its end.
 
@@ -262,23 +233,23 @@ class DiscreteMover:
     def _move(self, request: _Request) -> Outcome:
         movement, action, settings = request.movement, request.action, request.settings
         with self._lock:
-            self._senses.hazard_reason, self._senses.odometry_fault, self._senses.rival = "", None, ""
+            self._senses.begin()
             reading = self._tracker.latest
             silent_s = self._monotonic_s() - self._odometry_seen_s
-            hazard = self._active_hazard(action)
+            hazard = self._senses.forbidden(action)
         if reading is None or silent_s > settings.odometry_timeout_s:
             what = "no odometry" if reading is None else f"no odometry for {silent_s:.1f} s"
             return Outcome(movement, False, f"{what}: check the driver of the base", sensor_lost=True)
         if hazard:
             return Outcome(movement, False, hazard)
         start = self._await_start(request)
-        if isinstance(start, _Reason):
+        if isinstance(start, EndReason):
             return Outcome(movement, False, start.text, sensor_lost=start.sensor_lost)
-        target_rad = heading_after(action, self._heading_to_hold(start.pose), settings)
+        with self._lock:
+            held_rad = self._held.start_rad(start.pose.heading_rad, start.error(turns=True))
+            start_error = self._held.error_rad if action.turns else start.error(turns=False)
+        target_rad = heading_after(action, held_rad, settings)
         settings = settings.model_copy(update={"settle_s": max(settings.settle_s, self._settling_s())})
-        if self._held_heading_rad is None:
-            self._held_error_rad = start.error(turns=True)
-        start_error = self._held_error_rad if action.turns else start.error(turns=False)
         controller: Controller
         response = self._response.response
         if request.leg is not None:
@@ -309,9 +280,12 @@ class DiscreteMover:
             self._send(command)
             self._sleep_until(now_s + settings.control_period_s)
         self._send(STANDSTILL)
-        self._learn(action, controller, start.pose, commands)
+        self._learn(controller, start.pose, commands)
         with self._lock:
-            self._held_heading_rad = target_rad if controller.done else None
+            if controller.done:
+                self._held.keep(target_rad)
+            else:
+                self._held.forget()
             self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
         return Outcome(
             movement,
@@ -322,22 +296,14 @@ class DiscreteMover:
             sensor_lost or controller.sensor_lost,
         )
 
-    def _learn(
-        self, action: Action, controller: Controller, start: Pose, commands: list[tuple[float, Command]]
-    ) -> None:
+    def _learn(self, controller: Controller, start: Pose, commands: list[tuple[float, Command]]) -> None:
         """Measure the response of the base from a movement that ended well."""
         with self._lock:
             driven, self._driven = self._driven or [], None
-        if not controller.done or not (action.turns or action.translates):
-            return
-        turns = action.turns
-        velocities = [(at_s, sent.angular_rad_s if turns else sent.linear_m_s) for at_s, sent in commands]
-        covered = [(at_s, covered_along(start, pose, turns=turns)) for at_s, pose in driven]
-        self._response.add(velocities, covered, turns=turns)
-        if isinstance(controller, MotionController):
-            self._response.add_slowest(controller.slowest, turns=turns)
+        if isinstance(controller, MotionController) and controller.done:
+            self._response.add(controller.action, controller.slowest, start, commands, driven)
 
-    def _await_start(self, request: _Request) -> Start | _Reason:
+    def _await_start(self, request: _Request) -> Start | EndReason:
         """Return the start of the movement, after the readings at rest that a noisy base needs."""
         action, settings = request.action, request.settings
         tolerance, turns = settings.tolerance(action), action.turns
@@ -347,7 +313,7 @@ class DiscreteMover:
             if reason := self._reason_to_end(request):
                 return reason
             with self._lock:
-                holds = self._held_heading_rad is not None
+                holds = self._held.is_known
                 latest = self._tracker.latest
                 rate_hz = 1 / statistics.median(self._periods_s) if self._periods_s else 1.0
                 assert latest is not None  # noqa: S101  # checked before the movement
@@ -359,59 +325,21 @@ class DiscreteMover:
             self._sleep_until(now_s + settings.control_period_s)
         noise = start.noise.along(turns=turns)
         if not is_quiet(noise, tolerance) and too_noisy(noise, tolerance, settings.aim_share, rate_hz):
-            return _Reason(noise_words(noise, tolerance, turns=turns))
+            return EndReason(noise_words(noise, tolerance, turns=turns))
         return start
 
-    def _reason_to_end(self, request: _Request) -> _Reason | None:
+    def _reason_to_end(self, request: _Request) -> EndReason | None:
         """Return the reason to end the movement, or None."""
         with self._lock:
-            fault, hazard, rival = self._senses.odometry_fault, self._senses.hazard_reason, self._senses.rival
-            preempted = self._ticket_of if self._ticket != request.ticket else ""
             silent_s = self._monotonic_s() - self._odometry_seen_s
-        if hazard:
-            return _Reason(hazard)
-        if silent_s > request.settings.odometry_timeout_s:
-            return _Reason(f"no odometry for {silent_s:.1f} s", sensor_lost=True)
-        if fault:
-            return _Reason(fault.text, sensor_lost=True)
-        if rival or preempted:
-            return _Reason(rival or preempted)
-        return _Reason("the caller has disconnected") if request.caller_gone() else None
-
-    def _active_hazard(self, action: Action) -> str:
-        """Return the hazard that forbids the movement, or an empty string; backing off is allowed."""
-        active = self._senses.hazards
-        if active[Hazard.WHEEL_DROP]:
-            return "a wheel is dropped: put the robot down"
-        for hazard in (Hazard.BUMPER, Hazard.CLIFF):
-            if active[hazard] and action is not Action.MOVE_BACKWARD:
-                return f"the {hazard.value} sensor is active: free the robot; only Backward is allowed"
-        return ""
+            reason = self._senses.reason_to_end(silent_s=silent_s, timeout_s=request.settings.odometry_timeout_s)
+            preempted = self._ticket_of if self._ticket != request.ticket else ""
+        if reason or preempted:
+            return reason or EndReason(preempted)
+        return EndReason("the caller has disconnected") if request.caller_gone() else None
 
     def _settling_s(self) -> float:
         """Return the settling time for the measured period of the odometry."""
         with self._lock:
             period_s = statistics.median(self._periods_s) if self._periods_s else 0.0
         return min(max(_SETTLING_READINGS * period_s, 0.0), _LONGEST_SETTLING_S)
-
-    def _heading_to_hold(self, start: Pose) -> float:
-        """Return the heading to which the movement is relative, in the unwrapped frame of the odometry."""
-        measured_rad = start.heading_rad
-        with self._lock:
-            held_rad = self._held_heading_rad
-        if held_rad is None:
-            return measured_rad
-        off_rad = turn_error_rad(held_rad, measured_rad)
-        if abs(off_rad) > _MOVED_BY_HAND_RAD:
-            turned_deg = math.degrees(-off_rad)
-            logger.warning("turned by %.1f° since the last movement: holding the present heading", turned_deg)
-            return measured_rad
-        return measured_rad + off_rad
-
-
-def covered_along(start: Pose, pose: Pose, *, turns: bool) -> float:
-    """Return the turn, or the distance ahead in the direction of `start`, from one pose to another."""
-    if turns:
-        return pose.heading_rad - start.heading_rad
-    x_m, y_m = pose.x_m - start.x_m, pose.y_m - start.y_m
-    return x_m * math.cos(start.heading_rad) + y_m * math.sin(start.heading_rad)

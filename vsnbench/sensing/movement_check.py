@@ -13,6 +13,10 @@ from vsnbench.values.pose import Pose, wrap_angle
 MAX_ERROR_M, MAX_ERROR_RAD = 0.10, math.radians(10)
 """Largest accepted errors. Upstream's own tolerance of 0.08 rad, and its overshoot on a base with a lag, are well
 below."""
+_MAX_MISS_M = 0.03
+"""Largest accepted distance from the end of a movement with parameters, which only our own mover executes: `MISSED_M`,
+the noise of a reading, and what a base rolls after the answer.
+"""
 
 
 class MovementAlarmError(Exception):
@@ -85,7 +89,7 @@ class RequestedDrive:
         if target is None:
             return self.overshoot(before, after)
         wanted = before.compose(target)
-        if (off_m := wanted.distance_to(after)) > MAX_ERROR_M:
+        if (off_m := wanted.distance_to(after)) > _MAX_MISS_M:
             return f"the odometry is {off_m * 100:.1f} cm from the requested position"
         heading_rad = self.movement.heading_rad if isinstance(self.movement, Waypoint) else None
         if isinstance(self.movement, Move):
@@ -144,6 +148,23 @@ def distance_along(before: Pose, after: Pose) -> float:
     """Return the distance between two poses in metres, negative if the second lies behind the first."""
     distance_m = before.distance_to(after)
     return distance_m if after.relative_to(before).x_m >= 0 else -distance_m
+
+
+def displacement_m(before: Pose, after: Pose, movement: Drive | None) -> float:
+    """Return the distance between two poses in metres, negative if the robot drove backwards.
+
+    A point behind the robot is reached forwards, after a turn. Without a movement, it was a straight one.
+    """
+    match movement:
+        case None:
+            return distance_along(before, after)
+        case Move(distance_m):
+            backwards = distance_m < 0
+        case Velocity(linear_m_s):
+            backwards = linear_m_s < 0
+        case _:
+            backwards = False
+    return -before.distance_to(after) if backwards else before.distance_to(after)
 
 
 def _outside(value: float, requested: float, tolerance: float) -> bool:

@@ -24,7 +24,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True)
 class MotionResult:
-    """Measured result of an action; displacement and turn are the odometry's, signed."""
+    """Measured result of an action by the odometry; a displacement backwards and a turn to the right are negative."""
 
     completed: bool
     """Whether the robot completed the action within its tolerances."""

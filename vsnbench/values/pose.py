@@ -57,3 +57,11 @@ class Pose:
     def distance_to(self, other: "Pose") -> float:
         """Euclidean distance between the positions, in metres."""
         return math.hypot(other.x_m - self.x_m, other.y_m - self.y_m)
+
+
+def advanced(pose: Pose, way_m: float, turn_rad: float) -> Pose:
+    """Return the pose after a short arc with the given length and turn."""
+    middle_rad = pose.heading_rad + turn_rad / 2
+    return Pose(
+        pose.x_m + way_m * math.cos(middle_rad), pose.y_m + way_m * math.sin(middle_rad), pose.heading_rad + turn_rad
+    )

@@ -58,16 +58,26 @@ class BaseDynamics(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     dead_time_s: float = Field(default=0.0, ge=0, le=1, description="time until a command begins to act, seconds")
-    motor_time_constant_s: float = Field(default=0.0, ge=0, le=1, description="first-order lag of the velocity, seconds")
+    motor_time_constant_s: float = Field(
+        default=0.0, ge=0, le=1, description="first-order lag of the velocity, seconds"
+    )
     deadband_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower forward commands do not move the base")
     deadband_rad_s: float = Field(default=0.0, ge=0, lt=10, description="slower turns do not turn the base")
-    turn_slip: float = Field(default=0.0, ge=0, lt=0.9, description="share of a turn that skidding wheels lose unmeasured")
+    turn_slip: float = Field(
+        default=0.0, ge=0, lt=0.9, description="share of a turn that skidding wheels lose unmeasured"
+    )
     crab: float = Field(default=0.0, ge=-0.3, le=0.3, description="metres to the left per metre forward, measured")
     sway_m: float = Field(default=0.0, ge=0, le=0.1, description="amplitude of a gait's sideways motion, measured")
     sway_hz: float = Field(default=2.0, gt=0, le=10, description="frequency of the gait, Hz")
-    max_lateral_m_s: float = Field(default=0.0, ge=0, lt=3, description="speed limit sideways; 0 for wheels that cannot")
-    encoder_step_m: float = Field(default=0.0, ge=0, le=0.05, description="way of a wheel per encoder count; 0 is exact")
-    position_noise_m: float = Field(default=0.0, ge=0, le=0.05, description="standard deviation of each reading, metres")
+    max_lateral_m_s: float = Field(
+        default=0.0, ge=0, lt=3, description="speed limit sideways; 0 for wheels that cannot"
+    )
+    encoder_step_m: float = Field(
+        default=0.0, ge=0, le=0.05, description="way of a wheel per encoder count; 0 is exact"
+    )
+    position_noise_m: float = Field(
+        default=0.0, ge=0, le=0.05, description="standard deviation of each reading, metres"
+    )
     heading_noise_deg: float = Field(default=0.0, ge=0, le=5, description="standard deviation of each reading, degrees")
     heading_drift_deg_s: float = Field(default=0.0, ge=-5, le=5, description="drift of the gyro, also at rest")
     odometry_rate_hz: float | None = Field(

@@ -12,7 +12,7 @@ from vsnbench.robots.ros.start import present
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import MotionEnd
-from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement, distance_along
+from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement, displacement_m
 from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
@@ -112,12 +112,13 @@ class MovementRunner:
         collision = self._collision()
         if not failure and not blocked and (contradiction := requested.contradiction(before, after)):
             failure = f"discrete_move answered True to {name}, but {contradiction}"
-        path_m = None
+        path_m, movement = None, None
         if isinstance(requested, RequestedDrive):
+            movement = requested.movement
             path_m = self._path_m + self._last_pose.distance_to(after)
         return MotionResult(
             completed=not failure and not blocked and collision is None,
-            displacement_m=distance_along(before, after),
+            displacement_m=displacement_m(before, after, movement),
             turn_rad=after.heading_rad - before.heading_rad,
             duration_s=self._link.now_s - began_s,
             collision=collision,

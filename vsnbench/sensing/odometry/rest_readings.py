@@ -15,6 +15,7 @@ START_SHARE = 0.45
 _KEPT = 100
 _NOISE_SPAN = 6.0
 """Largest difference of two readings at rest, in standard deviations."""
+_FEW = 4
 _ENOUGH = 20
 """Number of readings from which noise is measured; fewer can only show that there is none."""
 
@@ -86,12 +87,9 @@ class RestReadings:
         return [pose for at_s, pose in self._readings if at_s >= self.from_s]
 
     def mean(self, latest: Pose) -> Pose:
-        """Return the mean of the newest readings at rest; the latest reading of a base that moves or is quiet."""
+        """Return the mean of the newest readings at rest; the latest reading of a base with too few."""
         poses = self.poses[-_ENOUGH:]
-        noise = self._meter.noise
-        if len(poses) < 2 or not (noise.position_m or noise.heading_rad):
-            return latest
-        return mean_pose(poses)
+        return mean_pose(poses) if len(poses) >= _FEW else latest
 
     def start(
         self, latest: Pose, tolerance: float, *, turns: bool, holds_heading: bool, final: bool = False

@@ -11,10 +11,10 @@ import numpy as np
 
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.simulator.dynamics.noise import OdometryDrift, OdometryNoise
-from vsnbench.simulator.dynamics.odometry import WheelOdometry, advanced
+from vsnbench.simulator.dynamics.odometry import WheelOdometry
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch
 from vsnbench.simulator.primitives import Scene
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, advanced
 from vsnbench.values.robot_profile import IDEAL_BASE, Base, BaseDynamics
 
 _GAIT_START_S = 0.15
@@ -52,7 +52,9 @@ class DrivenBase:
         moving = self._motors.velocity(command)
         touch = self.physics.drive(Command(moving.linear_m_s, moving.angular_rad_s * (1 - self._dynamics.turn_slip)))
         self._drifted_rad += math.radians(self._dynamics.heading_drift_deg_s) * CONTROL_PERIOD_S
-        left_m = (moving.linear_m_s * self._dynamics.crab + moving.lateral_m_s) * CONTROL_PERIOD_S + self._swayed(moving)
+        left_m = (moving.linear_m_s * self._dynamics.crab + moving.lateral_m_s) * CONTROL_PERIOD_S + self._swayed(
+            moving
+        )
         if left_m and touch is None:
             self.physics.slide(left_m)
             self._slid_m += left_m
@@ -103,7 +105,9 @@ class Motors:
         delay = dynamics.dead_time_s / CONTROL_PERIOD_S
         self._whole = math.floor(delay + 1e-9)
         self._part = max(delay - self._whole, 0.0)
-        self._kept = math.exp(-CONTROL_PERIOD_S / dynamics.motor_time_constant_s) if dynamics.motor_time_constant_s else 0
+        self._kept = (
+            math.exp(-CONTROL_PERIOD_S / dynamics.motor_time_constant_s) if dynamics.motor_time_constant_s else 0
+        )
         self.reset()
 
     def reset(self) -> None:

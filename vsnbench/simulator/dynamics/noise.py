@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from vsnbench.simulator.dynamics.odometry import advanced
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, advanced
 
 
 class OdometryNoise(BaseModel):

@@ -1,9 +1,7 @@
 """Dead reckoning from wheel rotation."""
 
-import math
-
 from vsnbench.simulator.dynamics.physics import RollingGeometry, WheelAngles
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Pose, advanced
 
 
 class WheelOdometry:
@@ -38,14 +36,4 @@ class WheelOdometry:
         step_rad = self._step_rad
         if not step_rad:
             return angles
-        return WheelAngles(
-            round(angles.left_rad / step_rad) * step_rad, round(angles.right_rad / step_rad) * step_rad
-        )
-
-
-def advanced(pose: Pose, way_m: float, turn_rad: float) -> Pose:
-    """Return the pose after a short arc with the given length and turn."""
-    middle_rad = pose.heading_rad + turn_rad / 2
-    return Pose(
-        pose.x_m + way_m * math.cos(middle_rad), pose.y_m + way_m * math.sin(middle_rad), pose.heading_rad + turn_rad
-    )
+        return WheelAngles(round(angles.left_rad / step_rad) * step_rad, round(angles.right_rad / step_rad) * step_rad)

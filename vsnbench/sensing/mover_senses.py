@@ -1,0 +1,67 @@
+"""What a mover has to know of its base besides the odometry: hazards, faults, and other publishers."""
+
+from dataclasses import dataclass
+
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.odometry.odometry import OdometryFault
+from vsnbench.values.action import Action
+
+
+@dataclass(frozen=True, slots=True)
+class EndReason:
+    """Reason to end a movement."""
+
+    text: str
+    sensor_lost: bool = False
+
+
+class MoverSenses:
+    """Reports of other threads; not thread-safe.
+
+    Attributes:
+        hazard_reason: hazard since the movement began, or an empty string.
+        odometry_fault: fault of the odometry since the movement began, or None.
+        rival: fault of another publisher that commanded the base since the movement began, or an empty string.
+    """
+
+    def __init__(self) -> None:
+        self._active: dict[Hazard, set[int]] = {hazard: set() for hazard in Hazard}
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was reported before a movement; active hazard sensors stay active."""
+        self.hazard_reason = ""
+        self.odometry_fault: OdometryFault | None = None
+        self.rival = ""
+
+    def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
+        """Take the state of one hazard sensor."""
+        if not active:
+            self._active[hazard].discard(sensor)
+            return
+        self._active[hazard].add(sensor)
+        self.hazard_reason = f"{hazard.value} ({where})"
+
+    def forbidden(self, action: Action) -> str:
+        """Return the active hazard that forbids a movement, or an empty string; backing off is allowed."""
+        if self._active[Hazard.WHEEL_DROP]:
+            return "a wheel is dropped: put the robot down"
+        for hazard in (Hazard.BUMPER, Hazard.CLIFF):
+            if self._active[hazard] and action is not Action.MOVE_BACKWARD:
+                return f"the {hazard.value} sensor is active: free the robot; only Backward is allowed"
+        return ""
+
+    def reason_to_end(self, *, silent_s: float, timeout_s: float) -> EndReason | None:
+        """Return the reason to end the running movement, or None.
+
+        Args:
+            silent_s: time since the last odometry.
+            timeout_s: time after which odometry is lost.
+        """
+        if self.hazard_reason:
+            return EndReason(self.hazard_reason)
+        if silent_s > timeout_s:
+            return EndReason(f"no odometry for {silent_s:.1f} s", sensor_lost=True)
+        if self.odometry_fault:
+            return EndReason(self.odometry_fault.text, sensor_lost=True)
+        return EndReason(self.rival) if self.rival else None
