@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from vsnbench.control.command import STANDSTILL, MotionStatus
 from vsnbench.control.legs import Leg, LegPlan, longest_duration_s
 from vsnbench.control.settings import MotionSettings
+from vsnbench.values.action import Action
 from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -156,3 +157,26 @@ def test_a_long_leg_accelerates_like_a_discrete_move() -> None:
     assert isinstance(leg, Leg)
     long = leg.settings(SETTINGS)
     assert long.acceleration_share * long.forward_m == pytest.approx(SETTINGS.acceleration_share * SETTINGS.forward_m)
+
+
+def test_a_point_that_is_missed_again_and_again_is_a_failure_with_its_distance() -> None:
+    plan, beside, legs = LegPlan(Waypoint(1.0, 0.0), START), START.compose(Pose(0.95, 0.0)), 0
+    while plan.next(beside) is not None:
+        legs += 1
+        assert legs < 20
+    assert legs == 4
+    assert "50 mm from the requested point" in plan.failure
+
+
+def test_a_small_remainder_behind_the_robot_is_reversed_without_a_turn() -> None:
+    plan = LegPlan(Trajectory(((0.5, 0.0), (1.0, 0.0))), START)
+    assert plan.next(START).action is Action.TRAJECTORY
+    leg = plan.next(START.compose(Pose(1.04, 0.002)))
+    assert leg.action is Action.MOVE_BACKWARD
+    assert leg.amount == pytest.approx(0.04, abs=0.001)
+    assert plan.next(START.compose(Pose(1.0, 0.002))) is None
+    assert plan.failure == ""
+
+
+def test_a_point_behind_the_robot_is_first_faced() -> None:
+    assert LegPlan(Waypoint(-0.1, 0.0), START).next(START).action in (Action.TURN_LEFT, Action.TURN_RIGHT)

@@ -5,8 +5,9 @@ import math
 import pytest
 
 from vsnbench.control.settings import MotionSettings
-from vsnbench.sensing.movement_check import RequestedMovement
+from vsnbench.sensing.movement_check import RequestedDrive, RequestedMovement, displacement_m
 from vsnbench.values.action import Action
+from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
 SETTINGS = MotionSettings()
@@ -44,3 +45,29 @@ def test_an_answer_of_true_to_a_movement_that_fell_short_is_contradicted() -> No
     requested = RequestedMovement.of(Action.TURN_LEFT, SETTINGS)
     assert requested.contradiction(BEFORE, after(0, 24)) == ""
     assert "turned 12.0° instead of 0 cm and 30°" in requested.contradiction(BEFORE, after(0, 12))
+
+
+@pytest.mark.parametrize(
+    ("movement", "end"), [(Waypoint(1.0, 0.5), Pose(1.0, 0.5)), (Trajectory(((0.5, 0.0), (1.0, 0.2))), Pose(1.0, 0.2))]
+)
+def test_a_point_missed_by_more_than_3_cm_contradicts_the_answer(movement, end) -> None:
+    requested = RequestedDrive(movement, SETTINGS)
+    assert requested.contradiction(BEFORE, BEFORE.compose(Pose(end.x_m, end.y_m + 0.025))) == ""
+    assert "4.0 cm from the requested position" in requested.contradiction(
+        BEFORE, BEFORE.compose(Pose(end.x_m, end.y_m + 0.04))
+    )
+
+
+@pytest.mark.parametrize(
+    ("movement", "end", "moved_m"),
+    [
+        (Waypoint(-1.6, 0.0), Pose(-1.6, 0.0, math.pi), 1.6),
+        (Trajectory(((-0.3, 0.4), (-0.6, 0.8))), Pose(-0.6, 0.8, 2.2), 1.0),
+        (Move(1.0, math.pi), Pose(-1.0, 0.0, math.pi), 1.0),
+        (Move(-1.0, 0.0), Pose(-1.0, 0.0), -1.0),
+        (Velocity(-0.2, 0.0, 1.0), Pose(-0.2, 0.0), -0.2),
+        (None, Pose(-0.25, 0.0), -0.25),
+    ],
+)
+def test_only_a_robot_that_drove_backwards_has_a_negative_displacement(movement, end, moved_m) -> None:
+    assert displacement_m(BEFORE, BEFORE.compose(end), movement) == pytest.approx(moved_m)

@@ -49,6 +49,8 @@ class Leg:
     velocity: Velocity | None = None
     target: tuple[float, float] | None = None
     """End of a straight leg in the frame of the odometry; None for a distance alone."""
+    tolerance_rad: float = 0.0
+    """Tolerance of a turn whose heading the next leg corrects or that is not exact; 0 for that of the robot."""
 
     @property
     def translates(self) -> bool:
@@ -71,6 +73,7 @@ class Leg:
                 speed: getattr(settings, speed) * slower,
                 "acceleration_share": settings.acceleration_share * share,
                 "deceleration_share": settings.deceleration_share * share,
+                "heading_tolerance_rad": max(settings.heading_tolerance_rad, self.tolerance_rad),
             }
         )
 
@@ -204,7 +207,8 @@ def _leg(goal: _Goal, pose: Pose) -> tuple[Leg | None, _Goal | None]:
     match goal:
         case _Face(heading_rad, amount_rad, sign, aligned_rad):
             error_rad = sign * amount_rad or turn_error_rad(heading_rad, pose.heading_rad)
-            return (_turn(error_rad, heading_rad) if abs(error_rad) > aligned_rad else None), None
+            turn = _turn(error_rad, heading_rad, 0.2 * aligned_rad)
+            return (turn if abs(error_rad) > aligned_rad else None), None
         case _Straight(distance_m, heading_rad):
             action = Action.MOVE_FORWARD if distance_m > 0 else Action.MOVE_BACKWARD
             end = pose.x_m + distance_m * math.cos(heading_rad), pose.y_m + distance_m * math.sin(heading_rad)
@@ -233,14 +237,15 @@ def _leg_to_point(goal: _Reach, pose: Pose) -> tuple[Leg | None, _Reach | None]:
     # The heading matters only as far as it moves the end of the leg.
     aligned_rad = math.asin(min(0.5 * ARRIVED_M / distance_m, 1.0)) if is_short else _ALIGNED_RAD
     if abs(error_rad) > aligned_rad:
-        return _turn(error_rad, pose.heading_rad + error_rad), goal
+        return _turn(error_rad, pose.heading_rad + error_rad, aligned_rad), goal
     amount_m = distance_m * math.cos(error_rad) if is_short else distance_m
     leg = Leg(action, amount_m, pose.heading_rad + (0.0 if is_short else error_rad), target=goal.position)
     return leg, replace(goal, approaches=goal.approaches + 1)
 
 
-def _turn(error_rad: float, target_heading_rad: float) -> Leg:
-    return Leg(Action.TURN_LEFT if error_rad > 0 else Action.TURN_RIGHT, abs(error_rad), target_heading_rad)
+def _turn(error_rad: float, target_heading_rad: float, tolerance_rad: float) -> Leg:
+    action = Action.TURN_LEFT if error_rad > 0 else Action.TURN_RIGHT
+    return Leg(action, abs(error_rad), target_heading_rad, tolerance_rad=tolerance_rad)
 
 
 def length_m(points: Sequence[tuple[float, float]]) -> float:

@@ -1,0 +1,64 @@
+"""Movements on bases that are late, sluggish, noisy, deaf to slow commands or drift: True only when true.
+
+Every movement is judged by the base's own true poses, in virtual time. `benchmarks/difficult_bases.py` measures the
+whole grid.
+"""
+
+from functools import cache
+from statistics import mean
+
+import pytest
+
+from tests.sensing.stand import KINDS, Stand, Trial, movements, trial
+from vsnbench.values.movement import Velocity
+from vsnbench.values.robot_profile import BaseDynamics
+
+COUNT = 4
+LATE = BaseDynamics(dead_time_s=0.05, motor_time_constant_s=0.08)
+BASES = {
+    "late": (LATE, 1.5),
+    "very late": (BaseDynamics(dead_time_s=0.1, motor_time_constant_s=0.2), 2.3),
+    "slow odometry": (LATE.model_copy(update={"odometry_rate_hz": 10.0}), 2.0),
+    "noisy": (LATE.model_copy(update={"position_noise_m": 0.002, "heading_noise_deg": 0.05}), 1.7),
+    "exact wheels and a noisy gyro": (BaseDynamics(heading_noise_deg=0.04), 1.5),
+    "drifts to the side": (LATE.model_copy(update={"crab": 0.02}), 1.5),
+    "deaf to slow commands": (LATE.model_copy(update={"deadband_m_s": 0.05, "deadband_rad_s": 0.1}), 1.7),
+    "walks": (LATE.model_copy(update={"sway_m": 0.008, "sway_hz": 2.5, "crab": 0.01}), 1.6),
+}
+
+
+@cache
+def ideal_trials(kind: str) -> list[Trial]:
+    stand = Stand()
+    return [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=1)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("base", BASES)
+def test_a_movement_on_a_difficult_base_is_done_facing_ahead_and_in_time(base: str, kind: str) -> None:
+    dynamics, slower = BASES[base]
+    stand = Stand(dynamics)
+    tried = [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=1)]
+    assert [one.outcome.reason for one in tried] == [""] * COUNT
+    assert [one.off_m for one in tried if not one.is_true(kind)] == []
+    took = mean(one.took_s / ideal.took_s for one, ideal in zip(tried, ideal_trials(kind), strict=True))
+    assert took < slower
+
+
+@pytest.mark.parametrize("kind", ["waypoint", "trajectory", "S-curve"])
+def test_a_movement_ends_at_its_deadline(kind: str) -> None:
+    stand = Stand(LATE)
+    before_s = stand.base.now_s
+    outcome = stand.mover.drive(movements(kind, 1, seed=1)[0], lambda: False, timeout_s=2.0)
+    assert not outcome.answer
+    assert "not done after" in outcome.reason
+    assert stand.base.now_s - before_s == pytest.approx(2.0, abs=0.05)
+    stand.sleep_until(stand.base.now_s + 1.0)
+    assert stand.base.command.linear_m_s == 0.0
+
+
+def test_a_velocity_ends_at_rest_on_a_noisy_base() -> None:
+    stand = Stand(BASES["noisy"][0])
+    outcome = stand.drive(Velocity(0.2, 0.3, 1.5))
+    assert outcome.answer, outcome.reason
+    assert outcome.duration_s < 3.5
