@@ -4,7 +4,16 @@ import random
 
 import pytest
 
-from vsnbench.control.standstill import QUIET, NoiseMeter, RestWindow, is_quiet, noise_of, too_noisy
+from vsnbench.control.standstill import (
+    QUIET,
+    NoiseMeter,
+    PathRest,
+    RestWindow,
+    StandstillNoise,
+    is_quiet,
+    noise_of,
+    too_noisy,
+)
 from vsnbench.values.pose import Pose
 
 
@@ -53,3 +62,40 @@ def test_an_estimate_is_within_the_tolerance_only_by_its_bound() -> None:
     proven = [bool(estimate and estimate.within(0.005)) for estimate in estimates]
     assert not proven[5]
     assert proven[-1]
+
+
+def test_noise_of_the_heading_is_measured_beside_exact_positions() -> None:
+    """Rounding errors of exact encoders are correlated, as if the base were pushed; they say nothing about the gyro."""
+    rng = random.Random(2)
+    meter = NoiseMeter()
+    for rest in range(6):
+        x_m = 0.1 + 0.3 * rest
+        poses = [Pose(x_m + 1e-17 * (i // 12), 0.7 + 1e-16 * (i // 9), rng.gauss(0, 0.0007)) for i in range(40)]
+        meter.add(poses)
+    assert meter.noise.position_m < 1e-12
+    assert meter.noise.heading_rad == pytest.approx(0.0007, rel=0.2)
+    assert meter.freedom == 6 * 38
+
+
+def test_a_push_along_one_axis_is_not_the_noise_of_it() -> None:
+    rng = random.Random(3)
+    pushed = [Pose(0.004 * max(i - 10, 0), rng.gauss(0, 0.001), rng.gauss(0, 0.0005)) for i in range(40)]
+    noise = noise_of(pushed)
+    assert noise.position_m == pytest.approx(0.001, rel=0.3)
+    assert noise.heading_rad == pytest.approx(0.0005, rel=0.3)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.002])
+def test_a_base_at_the_end_of_a_path_is_at_rest_only_when_it_has_stopped(noise_m: float) -> None:
+    rng = random.Random(4)
+    rest = PathRest(StandstillNoise(noise_m, 0.0), 0.06, 0.002, 0.004)
+    rest.begin(0.0)
+    rested_s = None
+    for k in range(200):
+        at_s = k * 0.02
+        rolled_m = 0.1 * (1 - 2.718 ** (-at_s / 0.2))
+        if rest.add(Pose(rolled_m + rng.gauss(0, noise_m), rng.gauss(0, noise_m)), at_s):
+            rested_s = at_s
+            break
+    assert rested_s is not None
+    assert 0.4 < rested_s < 2.0

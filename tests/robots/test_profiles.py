@@ -7,10 +7,10 @@ import pytest
 
 from tests.robots.profile_text import parse_profile
 from vsnbench.errors import RobotError, UsageError
-from vsnbench.robots.profiles import embedded_profiles, load_profile
+from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile, profile_path
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros2.interface import ros2_interface
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 
 TURTLEBOT4 = embedded_profiles()["turtlebot4"].read_text(encoding="utf-8")
 TURTLEBOT2 = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
@@ -165,3 +165,35 @@ def test_the_topic_of_frames_is_in_the_namespace_where_it_begins_without_a_slash
 def test_a_profile_has_exactly_one_source_of_odometry(instead: str, expected: str) -> None:
     with pytest.raises(RobotError, match=expected):
         parse_profile(TURTLEBOT2.replace("odometry: /odom", instead), origin="mine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "value"),
+    [
+        ("dead_time_s: -0.1", None, "-0.1"),
+        ("dead_time_s: 1.5", None, "at most 1"),
+        ("deadband_m_s: 0.8", "impossible-base", "0.7 m/s"),
+        ("deadband_rad_s: 4", "impossible-base", "3.14159 rad/s"),
+        ("gait: trot", None, "gait"),
+    ],
+)
+def test_a_base_that_cannot_be_is_refused_in_one_line(tmp_path: Path, line: str, code: str | None, value: str) -> None:
+    file = tmp_path / "base.yaml"
+    file.write_text(f"{line}\n")
+    with pytest.raises(RobotError) as refused:
+        load_dynamics(file, load_profile("turtlebot2"))
+    assert value in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert code is None or refused.value.code == code
+
+
+def test_the_dynamics_of_a_profile_are_simulated_and_do_not_change_the_real_robot(tmp_path: Path) -> None:
+    file = tmp_path / "late.yaml"
+    file.write_text(profile_path("turtlebot2").read_text() + "dynamics: {dead_time_s: 0.1}\n")
+    profile = load_profile(file)
+    assert profile.sha256 == load_profile("turtlebot2").sha256
+    assert load_dynamics(None, profile) == BaseDynamics(dead_time_s=0.1)
+    assert load_dynamics(None, load_profile("turtlebot2")).conditions == {}
+    file.write_text(profile_path("turtlebot2").read_text() + "dynamics: {deadband_m_s: 0.8}\n")
+    with pytest.raises(RobotError, match="deadband_m_s"):
+        load_profile(file)

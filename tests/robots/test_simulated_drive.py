@@ -10,8 +10,10 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.path_guard import MAX_AGE_S, PathGuard
 from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import Action
 from vsnbench.values.movement import Drive, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import BaseDynamics
 
 ROOM = Site.model_validate(
     {
@@ -92,3 +94,55 @@ def test_an_old_depth_image_stops_the_robot() -> None:
 
     assert guard(view(0.1)) == ""
     assert guard(view(MAX_AGE_S + 0.01)) != ""
+
+
+LATE = BaseDynamics(
+    dead_time_s=0.05, motor_time_constant_s=0.08, position_noise_m=0.001, heading_noise_deg=0.03, crab=0.01
+)
+
+
+def late_robot(x_m: float, seed: int = 1) -> SimulatedRobot:
+    robot = SimulatedRobot(ROOM, load_profile("turtlebot2").model_copy(update={"dynamics": LATE}))
+    robot.begin(StartingPosition(number=1, position=(x_m, 0.0), heading_deg=0.0), seed)
+    return robot
+
+
+def test_a_profile_with_dynamics_moves_accurately_by_the_mover_of_real_robots() -> None:
+    robot = late_robot(0.0)
+    assert robot.conditions["base"] == LATE.conditions
+    for action, moved_m, turned_deg in [
+        (Action.MOVE_FORWARD, 0.25, 0.0),
+        (Action.TURN_LEFT, 0.0, 30.0),
+        (Action.MOVE_BACKWARD, 0.25, 0.0),
+    ]:
+        before = robot.locate().pose
+        result = robot.execute(action)
+        assert (result.completed, result.failure) == (True, "")
+        after = robot.locate().pose
+        assert before.distance_to(after) == pytest.approx(moved_m, abs=0.005)
+        assert math.degrees(after.heading_rad - before.heading_rad) == pytest.approx(turned_deg, abs=0.5)
+    start = robot.locate().pose
+    result = robot.drive(Waypoint(1.0, 0.5), guard_of(robot))
+    assert result.completed, result.failure
+    assert robot.locate().pose.distance_to(start.compose(Pose(1.0, 0.5))) < 0.02
+    assert result.path_m == pytest.approx(math.hypot(1.0, 0.5), abs=0.05)
+
+
+def test_a_late_robot_stops_before_a_wall_and_the_same_seed_is_the_same_episode() -> None:
+    ends = []
+    for seed in (4, 4, 5):
+        robot = late_robot(1.2, seed)
+        result = robot.drive(Waypoint(3.0, 0.0), guard_of(robot))
+        assert result.blocked
+        assert (result.failure, result.collision) == ("", None)
+        ends.append((robot.locate().pose, result.pose))
+    assert ends[0] == ends[1]
+    assert ends[0] != ends[2]
+
+
+def test_a_late_robot_that_touches_a_wall_reports_the_collision() -> None:
+    robot = late_robot(2.65)
+    result = robot.execute(Action.MOVE_FORWARD)
+    assert result.collision is not None
+    assert result.collision.touched == "wall"
+    assert not result.completed

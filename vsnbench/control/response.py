@@ -16,10 +16,8 @@ from vsnbench.values.pose import Pose
 
 _STEP_S = 0.005
 _DEAD_TIMES_S = np.arange(0.0, 0.42, 0.03)
-_LAGS_S = np.array([0.0, 0.03, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35])
 _FINE_DEAD_TIMES_S = np.arange(-0.03, 0.031, 0.005)
-_FINE_LAGS = np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3])
-_FINE_LAGS_S = np.array([0.0, 0.01, 0.02])
+_LAGS_S = np.concatenate([np.arange(0.0, 0.1, 0.01), np.arange(0.1, 0.2, 0.02), np.arange(0.2, 0.41, 0.04)])
 _FEWEST_READINGS = 8
 _LEAST_M, _LEAST_RAD = 0.05, math.radians(8)
 """Shorter movements do not show the response."""
@@ -190,18 +188,16 @@ def measured_response(
     index = np.searchsorted(times_s, grid_s, side="right") - 1
     commanded = np.where(index >= 0, velocities[np.maximum(index, 0)], 0.0)
     best, best_error = BaseResponse(), math.inf
-    for is_fine in (False, True):
-        lags_s, dead_times_s = _LAGS_S, _DEAD_TIMES_S
-        if is_fine:
-            lags_s = best.lag_s * _FINE_LAGS if best.lag_s else _FINE_LAGS_S
-            dead_times_s = np.maximum(best.dead_time_s + _FINE_DEAD_TIMES_S, 0.0)
-        for lag_s in lags_s:
-            way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
-            for dead_time_s in dead_times_s:
-                modelled = np.interp(at_s - dead_time_s, grid_s + _STEP_S, way)
-                error = _misfit(modelled, covered)
-                if error < best_error:
-                    best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
+    for lag_s in _LAGS_S:
+        way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
+
+        def misfit(dead_time_s: float, way: npt.NDArray[np.float64] = way) -> float:
+            return _misfit(np.interp(at_s - dead_time_s, grid_s + _STEP_S, way), covered)
+
+        coarse_s = min(_DEAD_TIMES_S, key=misfit)
+        dead_time_s = min(np.maximum(coarse_s + _FINE_DEAD_TIMES_S, 0.0), key=misfit)
+        if (error := misfit(dead_time_s)) < best_error:
+            best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
     return best if best_error <= _WORST_FIT * extent else None
 
 

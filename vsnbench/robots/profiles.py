@@ -71,7 +71,7 @@ def load_dynamics(path: Path | None, profile: RobotProfile) -> BaseDynamics:
     """
     if path is None:
         return profile.dynamics or IDEAL_BASE
-    dynamics = read_settings(path, BaseDynamics, RobotError, "base file")
+    dynamics = read_settings(path, BaseDynamics, RobotError, "base")
     if fault := dynamics.fault(profile.base):
         raise RobotError(f"{path}: {fault}", advice=f"the limits are those of {profile.name}", code="impossible-base")
     return dynamics

@@ -31,7 +31,7 @@ _STOPPING_STEPS = 100
 _NEAR_M = 0.02
 """Solids nearer than this to the shell are simulated."""
 _BUILT_IN = frozenset({"floor", "ceiling"})
-_EDITION = 2
+_EDITION = 3
 """Increased when the pixels or the motion of the same trial change."""
 
 
