@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from vsnbench.control.command import Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.control.settings import MotionSettings
-from vsnbench.ros1.hazard_events import subscribe_hazards
+from vsnbench.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros1.interface import ros1_interface
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
 from vsnbench.ros1.node import now_s, publish_while_open, sleep_until
@@ -68,7 +68,8 @@ class DiscreteMoveNode(DiscreteMoveTask):
         super().__init__(names, mover_of(profile, self.settings, self.send, now_s, sleep_until))
         OdometrySubscription(names, self.take_odometry, queue_size=10)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
-        subscribe_hazards(names, self._mover.take_hazard)
+        subscribe_hazards(names.hazard_topics, self._mover.take_hazard)
+        subscribe_states(names, self._mover.take_hazard)
         # A client may call as soon as the service exists, and needs odometry then.
         self._odometry_arrived.wait(_FIRST_ODOMETRY_S)
         Service(f"{names.discrete_move}/reset", Trigger, self._on_reset)

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from vsnbench.ros1.battery import subscribe_battery
-from vsnbench.ros1.hazard_events import subscribe_hazards
+from vsnbench.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master
 from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
@@ -60,7 +60,8 @@ class RobotLink(robot_link.RobotLink):
         self.odometry = OdometrySubscription(names, self._on_odometry)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         self._subscribe_camera()
-        subscribe_hazards(names, self._reports.take_hazard)
+        subscribe_hazards(names.hazard_topics, self._reports.take_hazard)
+        subscribe_states(names, self._reports.take_hazard)
         subscribe_battery(names, self._reports.take_battery)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True

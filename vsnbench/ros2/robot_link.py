@@ -227,7 +227,7 @@ class RobotLink(robot_link.RobotLink):
         self.odometry = OdometrySubscription(self.node, names, self._on_odometry)
         self._subscribe_camera()
         self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
-        unsupported_topics = subscribe_hazards(self.node, names, self._on_hazard)
+        subscribe_hazards(self.node, names, self._on_hazard)
         dock = Dock(self.profile_name, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
         self._readiness = Readiness(
@@ -240,7 +240,6 @@ class RobotLink(robot_link.RobotLink):
             connect=self.velocities.connect,
             choose_server=self.choose_server,
             dock=dock,
-            unsupported_topics=unsupported_topics,
         )
 
     def _on_odometry(self, pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:

@@ -21,7 +21,7 @@ from vsnbench.robots.checkup.images import type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros1.graph import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
-from vsnbench.ros1.interface import Ros1Interface, ros1_interface
+from vsnbench.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros_common.messages import planar
 from vsnbench.sensing.topic_monitor import TopicMessages
@@ -44,18 +44,11 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     names: Ros1Interface
     listener: TopicListener
-    has_event_topics = True
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
         self.names = names = ros1_interface(profile)
-        others: dict[str, str] = {
-            names.bumper: names.bumper_type,
-            names.cliff: names.cliff_type,
-            names.wheel_drop: names.wheel_drop_type,
-            names.battery: names.battery_type,
-        }
-        self.topics = expected_topics(names, others)
+        self.topics = expected_topics(names, {names.battery: names.battery_type})
         self._state = SystemState({}, {}, {})
         self._types: dict[str, str] = {}
 
@@ -80,22 +73,23 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return True
 
     def _receive(self) -> None:
-        from vsnbench.ros1.battery import active_hazards_of_kobuki
-        from vsnbench.ros1.hazard_events import subscribe_hazards
+        from vsnbench.ros1.hazard_events import KobukiStates, subscribe_hazards
         from vsnbench.ros1.topic_listener import TopicListener
 
         names = self.names
         self.listener = TopicListener(DOCTOR, self.raw_topics)
         self.closing.callback(self.listener.close)
-        subscribe_hazards(names, self.hazards.take)
+        self._ask_master()
+        # rospy prints a traceback for a subscription to a topic of another type.
+        readable = [part for part in names.hazard_topics if not self._types_of(part.topic) - {part.kind}]
+        subscribe_hazards(readable, self.hazards.take)
         self.listen(self.listener)
+        self._ask_master()
+        if names.battery and self._has_type(names.battery, KOBUKI_STATE) and self.messages[names.battery].messages:
+            KobukiStates(self.hazards.take)(self._read(KOBUKI_STATE, self.messages[names.battery].messages[-1]))
+
+    def _ask_master(self) -> None:
         self._state, self._types = self._master.state(), self._master.topic_types()
-        kobuki = "kobuki_msgs/SensorState"
-        if names.battery and self._has_type(names.battery, kobuki) and self.messages[names.battery].messages:
-            # Hazard events are only sent on changes; the sensor state also shows a sensor that is already active.
-            state = self._read(kobuki, self.messages[names.battery].messages[-1])
-            for hazard in active_hazards_of_kobuki(state):
-                self.hazards.take(hazard, -1, True, "sensor state")
 
     def _command_results(self) -> Iterator[CheckResult]:
         names, state, types = self.names, self._state, self._types
@@ -139,6 +133,9 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return self._state.publishers.get(topic, [])
+
+    def _types_of(self, topic: str) -> frozenset[str]:
+        return frozenset({self._types.get(topic, "")} if self._publishers(topic) else ())
 
     def _has_type(self, topic: str, kind: str) -> bool:
         return self._types.get(topic) == kind

@@ -26,7 +26,7 @@ from vsnbench.robots.ros.watchdog import (
 )
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
-from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
+from vsnbench.ros2.installation import INSTALL, discovery, missing_packages
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
@@ -115,19 +115,8 @@ class Ros2Checkup(RosCheckup):
             yield battery_result(battery)
 
     def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-        names, dock = self.names, self.dock
+        dock = self.dock
         yield from self._battery_results(readable)
-        if names.hazards and irobot_type("msg", "HazardDetectionVector") is None:
-            yield CheckResult(
-                names.hazards,
-                Health.WARNING,
-                "irobot_create_msgs is not installed: the operator has to report collisions",
-                "press the space bar at a contact, or source a distribution that has ros-<distro>-irobot-create-msgs",
-            )
-        elif names.hazards and not self._publishers(names.hazards):
-            seen = "no node publishes it: the operator has to report collisions"
-            advice = "uncomment hazard_detection in the republisher.yaml of the robot"
-            yield CheckResult(names.hazards, Health.WARNING, seen, advice)
         if dock.fault is not None:
             yield CheckResult("dock", Health.FAILED, dock.fault.statement, dock.advice)
         elif dock.is_docked is not None:
@@ -165,6 +154,9 @@ class Ros2Checkup(RosCheckup):
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return [publisher.node for publisher in self.listener.graph.publishers(topic)]
+
+    def _types_of(self, topic: str) -> frozenset[str]:
+        return frozenset(publisher.type_name for publisher in self.listener.graph.publishers(topic))
 
     def _has_type(self, topic: str, kind: str) -> bool:
         return type_fault(topic, kind, self.listener.graph.publishers(topic)) is None
