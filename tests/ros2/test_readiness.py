@@ -24,13 +24,13 @@ class Robot:
         self.nodes = ["/vsnbench_500"]
         self.topics = {NAMES.odometry: ["/base"], NAMES.color: ["/camera"], NAMES.depth: ["/camera"]}
         self.kinds: dict[str, str] = {}
-        self.dock = Dock(PROFILE.name, NAMES)
+        self.dock = Dock(PROFILE, NAMES)
         self.chosen = 0
         self.readiness = Readiness(
             NAMES,
             self.snapshot,
             lambda: "",
-            PROFILE.name,
+            PROFILE,
             SimpleNamespace(began_s=time.monotonic() - 60, full_name="/vsnbench_500"),
             SimpleNamespace(nodes=lambda: self.nodes, publishers=self.publishers),
             lambda: None,

@@ -54,7 +54,7 @@ class Readiness(readiness.Readiness):
         try:
             self.discrete_move.probe()
         except RobotError as error:
-            start = f"(vsnbench robots serve {self.profile_name})"
+            start = f"(vsnbench robots serve {self.profile.argument})"
             return RobotError(error.statement, advice=f"{error.advice} {start}".strip(), code=error.code)
         return None
 

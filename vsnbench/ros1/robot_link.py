@@ -55,7 +55,7 @@ class RobotLink(robot_link.RobotLink):
         # ROS calls this while the topics are open, also when another node ends this one.
         rospy.on_shutdown(self.stand_still)
         self._readiness = Readiness(
-            names, self.snapshot, lambda: self.odometry.fault, profile.name, self.master, self.discrete_move
+            names, self.snapshot, lambda: self.odometry.fault, profile, self.master, self.discrete_move
         )
         self.odometry = OdometrySubscription(names, self._on_odometry)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)

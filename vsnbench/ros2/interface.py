@@ -124,4 +124,4 @@ def in_namespace(profile: RobotProfile, namespace: str) -> RobotProfile:
             advice="use letters, digits, _ and /",
             code="invalid-namespace",
         ) from error
-    return profile.model_copy(update={"interface": interface})
+    return profile.model_copy(update={"interface": interface}).given_as(profile.given_in(namespace))

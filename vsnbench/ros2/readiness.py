@@ -45,12 +45,13 @@ class Readiness(readiness.Readiness):
             return RobotError(
                 f"{earlier} already uses this robot", advice="wait until it has ended", code="robot-in-use"
             )
+        namespaced = self.profile.given_in("NAMESPACE")
         for topic in (names.odometry, names.color, names.depth):
             nodes = self._publishers(topic)
             if len(nodes) > 1:
                 return RobotError(
                     f"{' and '.join(nodes)} both publish {topic}",
-                    advice=f"end one of them, or set the robot's namespace (--robot {self.profile_name}@NAMESPACE)",
+                    advice=f"end one of them, or set the robot's namespace (--robot {namespaced})",
                     code="two-publishers",
                 )
         return self.connect()

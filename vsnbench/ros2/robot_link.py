@@ -185,7 +185,7 @@ class RobotLink(robot_link.RobotLink):
         try:
             answer = self._discrete_move.call({"movement": "Ping"}, 1.0)
         except NoAnswerError as error:
-            start = f"(vsnbench robots serve {self.profile_name})"
+            start = f"(vsnbench robots serve {self.profile.argument})"
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
         self._robot_drives = answer.get("drives") is True
         if missing := answer.get("missing", ""):
@@ -228,13 +228,13 @@ class RobotLink(robot_link.RobotLink):
         self._subscribe_camera()
         self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
         subscribe_hazards(self.node, names, self._on_hazard)
-        dock = Dock(self.profile_name, names)
+        dock = Dock(self.profile, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
         self._readiness = Readiness(
             names,
             self.snapshot,
             lambda: self.odometry.fault,
-            self.profile_name,
+            self.profile,
             node=self.node,
             graph=self.graph,
             connect=self.velocities.connect,

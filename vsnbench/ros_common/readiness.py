@@ -11,6 +11,7 @@ from vsnbench.ros_common.hazard_topics import WRONG_TYPE
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.robot_reports import AGE_LIMIT_S, RobotSnapshot
+from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
 
@@ -25,7 +26,7 @@ class Readiness(ABC):
     """Returns the newest reports of the robot."""
     odometry_fault: Callable[[], str]
     """Returns why TF gives no odometry, or an empty string."""
-    profile_name: str
+    profile: RobotProfile
     _warned: set[str] = field(init=False, default_factory=set)
     _deaf_topics: set[str] = field(init=False, default_factory=set)
     """Topics of hazard sensors about which the session was warned."""

@@ -32,6 +32,7 @@ class RobotLink(ABC):
 
     Attributes:
         kind: `ros1` or `ros2`, the kind of the robot's identity.
+        profile: profile of the robot.
         names: interface of the profile, with full names of topics.
         image_turns: number of clockwise quarter turns that set an image upright.
         reports_lifting: whether the base has a topic that reports lifted wheels.
@@ -44,7 +45,7 @@ class RobotLink(ABC):
     _readiness: Readiness
 
     def __init__(self, profile: RobotProfile) -> None:
-        self.profile_name = profile.name
+        self.profile = profile
         self._reports = RobotReports(profile)
         self._hold = ZeroHold(self.stand_still)
 

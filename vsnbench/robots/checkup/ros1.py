@@ -123,7 +123,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
             advice = error.advice or "end the server, which has another version of discrete_move/DiscreteServer"
             yield CheckResult(name, Health.FAILED, error.statement, advice)
         except RobotError as error:
-            advice = f"start it: vsnbench robots serve {self.profile.name}"
+            advice = f"start it: vsnbench robots serve {self.profile.argument}"
             yield CheckResult(name, Health.FAILED, error.statement, advice)
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")

@@ -19,7 +19,6 @@ from vsnbench.robots.ros.start import Patience, wait_until_ready
 from vsnbench.robots.ros.watchdog import (
     WatchdogMeasurement,
     measure_watchdog,
-    robot_option,
     store_measurement,
     stored_measurement,
     watchdog_advice,
@@ -52,7 +51,7 @@ class Ros2Checkup(RosCheckup):
         self.names = ros2_interface(profile)
         self.image_turns = self.names.image_turns
         self.topics = expected_topics(self.names, {self.names.battery: "sensor_msgs/BatteryState"})
-        self.dock = Dock(profile.name, self.names)
+        self.dock = Dock(profile, self.names)
         self._others: list[str] = []
 
     def _connect(self) -> Generator[CheckResult, None, bool]:
@@ -124,7 +123,7 @@ class Ros2Checkup(RosCheckup):
 
     def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:
         name, graph = self.names.discrete_move, self.listener.graph
-        start = f"vsnbench robots serve {self.profile.name}"
+        start = f"vsnbench robots serve {self.profile.argument}"
         if graph.subscribers(f"{name}/question"):
             yield self._server_result(name, f"restart it: {start}")
             return
@@ -168,7 +167,8 @@ class Ros2Checkup(RosCheckup):
         if (fault := type_fault(topic, kind, publishers)) is not None:
             return CheckResult(topic, bad, fault.statement, fault.advice)
         if len(senders) > 1:
-            advice = "end one of them, or set the robot's namespace (--robot NAME@NAMESPACE)"
+            robot = self.profile.given_in("NAMESPACE")
+            advice = f"end one of them, or set the robot's namespace (--robot {robot})"
             return CheckResult(topic, Health.FAILED, f"{' and '.join(sorted(senders))} both publish it", advice)
         if other := hash_fault(topic, ours, publishers):
             advice = "install the distribution of the robot: messages of others may not be readable"
@@ -252,7 +252,7 @@ def stored_watchdog_result(profile: RobotProfile, *, simulated: bool) -> CheckRe
     measurement = stored_measurement(profile, simulated=simulated)
     if measurement is None:
         seen = "not measured on this machine: vsnbench run will not steer the base"
-        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {robot_option(profile)} --move")
+        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {profile.argument} --move")
     result = watchdog_result(measurement, profile)
     seen = f"{result.seen} ({measurement.measured_at:%Y-%m-%d})"
     return CheckResult(result.what, result.health, seen, result.advice)
