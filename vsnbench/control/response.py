@@ -1,0 +1,206 @@
+"""Response of a base to commands: dead time, motor lag and slowest velocities; what was commanded but not yet measured."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.values.pose import Pose
+
+_STEP_S = 0.01
+_DEAD_TIMES_S = np.arange(0.0, 0.42, 0.02)
+_LAGS_S = np.array([0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4])
+_FEWEST_READINGS = 8
+_LEAST_M, _LEAST_RAD = 0.05, math.radians(8)
+"""Shorter movements do not show the response."""
+_WORST_FIT = 0.03
+"""Largest deviation of a fit, as a share of the movement: more is a base that slipped, was blocked or was pushed."""
+_REMEMBERED = 5
+
+
+@dataclass(frozen=True, slots=True)
+class BaseResponse:
+    """What a base makes of a command: nothing for the dead time, then an exponential approach with the lag.
+
+    A command below the slowest velocity does not move the base.
+    """
+
+    dead_time_s: float = 0.0
+    lag_s: float = 0.0
+    slowest_m_s: float = 0.0
+    slowest_rad_s: float = 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of a base at constant velocity."""
+        return self.dead_time_s + self.lag_s
+
+
+class _Sent(NamedTuple):
+    """A command and its time; a tuple for speed, since every simulated period makes several."""
+
+    at_s: float
+    command: Command
+
+
+class SentCommands:
+    """The commands of a movement, and what they still cause after the newest odometry.
+
+    Attributes:
+        dead_time_s: delay of the odometry behind the commands, without the motor lag.
+        lag_s: time constant of the motors.
+    """
+
+    def __init__(self, response: BaseResponse) -> None:
+        self.dead_time_s = response.dead_time_s
+        self.lag_s = response.lag_s
+        self._sent: deque[_Sent] = deque()
+        self._moving, self._moving_s = STANDSTILL, -math.inf
+
+    @property
+    def last(self) -> Command:
+        """Newest command; standstill before the first."""
+        return self._sent[-1].command if self._sent else STANDSTILL
+
+    def add(self, at_s: float, command: Command) -> None:
+        """Add a command."""
+        self._sent.append(_Sent(at_s, command))
+
+    def pending(self, now_s: float, stamp_s: float) -> tuple[float, float]:
+        """Return the motion commanded since the odometry was measured: metres and radians, not velocities."""
+        since_s = stamp_s - self.dead_time_s
+        if self.lag_s:
+            self._follow(since_s)
+        while len(self._sent) > 1 and self._sent[1].at_s <= since_s:
+            self._sent.popleft()
+        linear_m = angular_rad = 0.0
+        until_s = now_s
+        for at_s, command in reversed(self._sent):
+            lasted_s = until_s - (at_s if at_s > since_s else since_s)
+            if lasted_s <= 0.0:
+                lasted_s = 0.0  # a comparison costs a third of a call of max, and this runs every period
+            linear_m += command.linear_m_s * lasted_s
+            angular_rad += command.angular_rad_s * lasted_s
+            until_s = at_s
+        if self.lag_s:
+            linear_m += self.lag_s * self._moving.linear_m_s
+            angular_rad += self.lag_s * self._moving.angular_rad_s
+        return linear_m, angular_rad
+
+    def expected(self, pose: Pose, now_s: float, stamp_s: float) -> Pose:
+        """Return the pose that a base measured at `pose` reaches when all commands have taken effect."""
+        linear_m, angular_rad = self.pending(now_s, stamp_s)
+        toward_rad = pose.heading_rad + angular_rad / 2
+        return Pose(
+            pose.x_m + linear_m * math.cos(toward_rad),
+            pose.y_m + linear_m * math.sin(toward_rad),
+            pose.heading_rad + angular_rad,
+        )
+
+    def _follow(self, until_s: float) -> None:
+        """Advance the modelled velocity of the base to a time of the commands."""
+        for k, (at_s, command) in enumerate(self._sent):
+            ends_s = self._sent[k + 1].at_s if k + 1 < len(self._sent) else math.inf
+            begins_s, ends_s = max(at_s, self._moving_s), min(ends_s, until_s)
+            if ends_s <= begins_s:
+                continue
+            kept = math.exp((begins_s - ends_s) / self.lag_s)
+            moving = self._moving
+            self._moving = Command(
+                command.linear_m_s + kept * (moving.linear_m_s - command.linear_m_s),
+                command.angular_rad_s + kept * (moving.angular_rad_s - command.angular_rad_s),
+            )
+            self._moving_s = ends_s
+
+
+class ResponseMeter:
+    """Measures the response of a base from its movements."""
+
+    def __init__(self) -> None:
+        self._measured: deque[BaseResponse] = deque(maxlen=_REMEMBERED)
+        self._slowest_m_s = self._slowest_rad_s = 0.0
+
+    @property
+    def response(self) -> BaseResponse | None:
+        """Median of the latest measurements; None before the first."""
+        if not self._measured:
+            return None
+        return BaseResponse(
+            median(r.dead_time_s for r in self._measured),
+            median(r.lag_s for r in self._measured),
+            self._slowest_m_s,
+            self._slowest_rad_s,
+        )
+
+    def add(
+        self, commands: Sequence[tuple[float, float]], readings: Sequence[tuple[float, float]], *, turns: bool
+    ) -> None:
+        """Add a movement along one axis; one that was too short or does not fit changes nothing.
+
+        Args:
+            commands: time and velocity of each command, the last one zero; m/s or rad/s.
+            readings: time of measurement and amount covered since the start, on the same clock; metres or radians.
+            turns: whether the amounts are radians.
+        """
+        response = measured_response(commands, readings, _LEAST_RAD if turns else _LEAST_M)
+        if response is not None:
+            self._measured.append(response)
+
+    def add_slowest(self, velocity: float, *, turns: bool) -> None:
+        """Add the slowest velocity that a movement found to move the base; m/s or rad/s."""
+        if turns:
+            self._slowest_rad_s = max(self._slowest_rad_s, velocity)
+        else:
+            self._slowest_m_s = max(self._slowest_m_s, velocity)
+
+
+def measured_response(
+    commands: Sequence[tuple[float, float]], readings: Sequence[tuple[float, float]], least: float
+) -> BaseResponse | None:
+    """Return the dead time and lag that explain a movement best; None if none does.
+
+    Args:
+        commands: time and velocity of each command, the last one zero.
+        readings: time of measurement and amount covered since the start.
+        least: smallest amount that shows a response.
+    """
+    if len(readings) < _FEWEST_READINGS or len(commands) < 2:
+        return None
+    at_s, covered = np.array([t for t, _ in readings]), np.array([way for _, way in readings])
+    extent = float(covered.max() - covered.min())
+    if extent < least:
+        return None
+    times_s, velocities = np.array([t for t, _ in commands]), np.array([v for _, v in commands])
+    grid_s = np.arange(times_s[0] - _DEAD_TIMES_S[-1] - _STEP_S, at_s[-1] + _STEP_S, _STEP_S)
+    index = np.searchsorted(times_s, grid_s, side="right") - 1
+    commanded = np.where(index >= 0, velocities[np.maximum(index, 0)], 0.0)
+    best, best_error = BaseResponse(), math.inf
+    for lag_s in _LAGS_S:
+        way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
+        for dead_time_s in _DEAD_TIMES_S:
+            modelled = np.interp(at_s - dead_time_s, grid_s + _STEP_S, way)
+            error = _misfit(modelled, covered)
+            if error < best_error:
+                best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
+    return best if best_error <= _WORST_FIT * extent else None
+
+
+def _lagged(commanded: npt.NDArray[np.float64], lag_s: float) -> npt.NDArray[np.float64]:
+    """Return the velocity of a base with a first-order lag, on the same grid."""
+    if lag_s == 0:
+        return commanded
+    taps = np.exp(-np.arange(0.0, 8 * lag_s, _STEP_S) / lag_s)
+    return np.convolve(commanded, taps / taps.sum())[: len(commanded)]
+
+
+def _misfit(modelled: npt.NDArray[np.float64], covered: npt.NDArray[np.float64]) -> float:
+    """Return the root mean square of what a model leaves; the base may cover a little more or less than commanded."""
+    scale = float(modelled @ covered) / max(float(modelled @ modelled), 1e-12)
+    scale = min(max(scale, 0.9), 1.1)
+    return float(np.sqrt(np.mean((covered - scale * modelled) ** 2)))
