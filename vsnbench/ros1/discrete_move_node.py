@@ -20,7 +20,7 @@ from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.control.settings import MotionSettings
 from vsnbench.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros1.interface import ros1_interface
-from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
+from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse, twist_message
 from vsnbench.ros1.node import now_s, publish_while_open, sleep_until
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common.discrete_move import NODE, DiscreteMoveTask, mover_of
@@ -79,10 +79,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
 
     def send(self, command: Command) -> None:
         """Publish a velocity."""
-        twist = Twist()
-        twist.linear.x = command.linear_m_s
-        twist.angular.z = command.angular_rad_s
-        publish_while_open(self._commands, twist)
+        publish_while_open(self._commands, twist_message(command))
 
     def _warn(self, text: str) -> None:
         rospy.logwarn(text)

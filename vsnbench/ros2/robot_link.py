@@ -110,9 +110,9 @@ class RobotLink(robot_link.RobotLink):
         """Return an image of a snapshot as a message."""
         return image_of_serialized(payload)
 
-    def stand_still(self) -> None:
-        """Command zero velocity."""
-        self.velocities.send(STANDSTILL)
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+        self.velocities.send(command)
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Execute one movement and return whether it succeeded; `watch` may raise to end it.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
-from vsnbench.control.command import Command
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.errors import RobotError
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import moves, planar
@@ -127,8 +127,12 @@ class RobotLink(ABC):
         """Whether a movement reports more than True or False."""
 
     @abstractmethod
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+
     def stand_still(self) -> None:
         """Command zero velocity."""
+        self.command(STANDSTILL)
 
     @abstractmethod
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
+from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
 from vsnbench.robots.checkup.images import frozen_result, image_results, image_type
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -44,13 +45,18 @@ class ActiveHazards:
             if active:
                 self._active[hazard, sensor] = where
 
-    def results(self) -> Iterator[CheckResult]:
-        """Report the active sensors; nothing if there are none."""
+    @property
+    def text(self) -> str:
+        """The active sensors, or an empty string."""
         with self._lock:
             active = sorted(f"{hazard.value} ({where})" for (hazard, _), where in self._active.items())
-        if active:
+        return ", ".join(active)
+
+    def results(self) -> Iterator[CheckResult]:
+        """Report the active sensors; nothing if there are none."""
+        if active := self.text:
             advice = "free the robot, and put it flat on its wheels"
-            yield CheckResult("hazards", Health.FAILED, f"the base reports: {', '.join(active)}", advice)
+            yield CheckResult("hazards", Health.FAILED, f"the base reports: {active}", advice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +74,7 @@ class Turn:
     reason: str = ""
 
 
-class TurnTest(ABC):
+class TurnTest(SteeredBase):
     """Turns the robot on the spot."""
 
     @abstractmethod
@@ -272,9 +278,10 @@ class RosCheckup(ABC):
             yield from odometry_results(self.profile, readings)
 
     def _motion_results(self) -> Iterator[CheckResult]:
-        """Turn to the left and back, and compare with the odometry and the depth images."""
+        """Measure the response to commands; turn to the left and back, and compare with odometry and depth images."""
         try:
             with self._turn_test() as test:
+                yield from turn_response_results(test, self.profile)
                 yield from _turn_results(test)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)

@@ -7,11 +7,12 @@ import os
 import socket
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
@@ -24,8 +25,10 @@ from vsnbench.ros1.installation import missing_packages
 from vsnbench.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros_common.messages import planar
+from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
@@ -34,6 +37,9 @@ if TYPE_CHECKING:
 
 _DEPTH_S = 0.5
 """Time for depth images before and after a turn."""
+_LATEST = 10
+"""Number of readings that arrive at most between two commands."""
+_CONNECTING_S, _POLL_S = 3.0, 0.05
 _NODE = f"/{DOCTOR}"
 _OWN_NODES = frozenset({"/vsnbench", _NODE})
 _TWIST = "geometry_msgs/Twist"
@@ -128,8 +134,19 @@ class Ros1Checkup(RosCheckup, TurnTest):
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
 
-    def _turn_test(self) -> AbstractContextManager[TurnTest]:
-        return nullcontext(self)
+    @contextmanager
+    def _turn_test(self) -> Iterator[TurnTest]:
+        import rospy
+        from geometry_msgs.msg import Twist
+
+        self._commands = rospy.Publisher(self.names.command, Twist, queue_size=10, tcp_nodelay=True)
+        until_s = time.monotonic() + _CONNECTING_S
+        while not self._commands.get_num_connections() and time.monotonic() < until_s:
+            time.sleep(_POLL_S)
+        try:
+            yield self
+        finally:
+            self.steer(STANDSTILL)
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return self._state.publishers.get(topic, [])
@@ -191,6 +208,31 @@ class Ros1Checkup(RosCheckup, TurnTest):
         if before is None or after is None:
             return Turn(answered, None)
         return Turn(answered, math.remainder(after - before, math.tau))
+
+    @property
+    def now_s(self) -> float:
+        """Time on the clock of the arrivals of messages."""
+        return time.time()
+
+    def steer(self, command: Command) -> None:
+        """Command a velocity."""
+        from vsnbench.ros1.messages import twist_message
+
+        self._commands.publish(twist_message(command))
+
+    def latest(self) -> Sequence[OdometryReading]:
+        """Return the newest readings of the odometry, oldest first."""
+        if self.names.tf:
+            return self.transforms.latest(_LATEST)
+        return [
+            OdometryReading(Pose(*planar(message)), self._seconds(message.header.stamp), arrival_s)
+            for data, arrival_s in self.listener.monitor.recent(self.names.odometry, _LATEST)
+            if (message := self._read("nav_msgs/Odometry", data))
+        ]
+
+    def hazard(self) -> str:
+        """Return the active hazard sensors, or an empty string."""
+        return self.hazards.text
 
     def _heading_rad(self) -> float | None:
         """Return the heading of the odometry after a motion has settled; None without odometry."""

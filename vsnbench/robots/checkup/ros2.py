@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
@@ -29,6 +30,7 @@ from vsnbench.ros2.installation import INSTALL, discovery, missing_packages
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
@@ -205,6 +207,23 @@ class _TurnTest(TurnTest):
     def __init__(self, link: RobotLink, profile: RobotProfile) -> None:
         self._link = link
         self._profile = profile
+
+    @property
+    def now_s(self) -> float:
+        """Time on the monotonic clock."""
+        return time.monotonic()
+
+    def steer(self, command: Command) -> None:
+        """Command a velocity."""
+        self._link.command(command)
+
+    def latest(self) -> Sequence[OdometryReading]:
+        """Return the newest readings of the odometry, oldest first."""
+        return self._link.snapshot().readings
+
+    def hazard(self) -> str:
+        """Return the active hazard sensors, or an empty string."""
+        return ", ".join(sorted({hazard.value for hazard, _ in self._link.snapshot().active_hazards}))
 
     def turn(self, movement: str, angle_deg: int) -> Turn:
         """Turn the robot.
