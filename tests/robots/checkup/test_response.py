@@ -112,8 +112,8 @@ def test_a_finding_has_the_lines_for_the_profile() -> None:
         "put the measured rate into the profile: base: {odometry_rate_hz: 10}",
     )
     health, seen, advice = findings(deadband_rad_s=0.2)["slowest turn"]
-    assert health == "failed"
-    assert "0.25 rad/s, nothing slower: corrections leave 0.14°" in seen
+    assert health == "warning"
+    assert "0.25 rad/s, nothing slower: corrections can leave 0.14°" in seen
     assert advice.endswith("tolerances: {position_m: 0.005, turn_deg: 0.15}")
     coarse = PROFILE.model_copy(update={"tolerances": Tolerances(turn_deg=0.15)})
     assert findings(coarse, deadband_rad_s=0.2)["slowest turn"][0] == "ok"

@@ -138,16 +138,16 @@ def tolerance_advice(profile: RobotProfile, noise: StandstillNoise) -> str:
         position_m = smallest_allowed(position_holds, _LARGEST_M)
     if not turn_holds(math.degrees(settings.heading_tolerance_rad)):
         turn_deg = smallest_allowed(turn_holds, _LARGEST_DEG)
-    return tolerances_line(position_m, turn_deg)
+    return f"use filtered odometry, or {tolerances_line(position_m, turn_deg)}"
 
 
 def tolerances_line(position_m: float | None, turn_deg: float | None) -> str:
-    """Return the advice to put tolerances into the profile; None for one that no value meets."""
+    """Return the tolerances to put into the profile; None for one that no value meets."""
     if position_m is None or turn_deg is None:
-        return "use filtered odometry: no tolerance of a profile can be met"
+        return "another base: no tolerances of a profile can be met"
     allowed = Tolerances(position_m=round(position_m, 6), turn_deg=round(turn_deg, 6))
     lines = f"tolerances: {{position_m: {allowed.position_m:g}, turn_deg: {allowed.turn_deg:g}}}"
-    return f"use filtered odometry, or put into the profile, which makes another campaign: {lines}"
+    return f"put into the profile, which makes another campaign: {lines}"
 
 
 def smallest_allowed(holds: Callable[[float], bool], largest: float) -> float | None:
