@@ -147,8 +147,8 @@ def test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals(ros: RosNetwork
     shell = Shell(tmp_path, on_it)
     with_needs = needs_of(ROOT / "docs" / "robot.md")
     (terminals,) = (block.commands for block in with_needs if block.needs == "ROS 1")
-    roscore, simulate, mover, run = map(plain, terminals)
-    assert roscore == "roscore", "the network's own, on a port of its own"
+    master, simulate, mover, run = map(plain, terminals)
+    assert master == "rosmaster --core", "the network's own, on a port of its own"
     with shell.running(simulate), shell.running(mover):
         ros.wait_for_publisher("/odom", TIME_LIMIT_S)  # compiles and renders with cold caches
         ros.wait_for_service("/discrete_move", TIME_LIMIT_S)

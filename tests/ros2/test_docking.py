@@ -14,7 +14,7 @@ from vsnbench.values.robot_profile import RobotProfile
 
 
 def dock_of(profile: RobotProfile) -> Dock:
-    return Dock(profile.name, ros2_interface(profile))
+    return Dock(profile, ros2_interface(profile))
 
 
 def finished(message: object) -> "Future[object]":

@@ -42,6 +42,8 @@ def test_a_session_steers_only_a_base_whose_watchdog_was_measured(tmp_path) -> N
         send_line(robot, "timeout 0.5")
         passed = doctor(graph)
         assert passed.popen.returncode == 0, passed.output
+        assert "dead time" in passed.output
+        assert "the base follows" in passed.output
         stopped_s = stored(graph).stopped_s
         assert stopped_s is not None
         assert 0.3 < stopped_s < stored(graph).allowed_s

@@ -10,6 +10,7 @@ from vsnbench.ros2.graph import Endpoint
 from vsnbench.ros2.interface import ros2_interface
 from vsnbench.ros2.readiness import Readiness
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
+from vsnbench.values.robot_identity import SimulationAccount
 
 PROFILE = load_profile("turtlebot4")
 NAMES = ros2_interface(PROFILE)
@@ -23,19 +24,18 @@ class Robot:
         self.nodes = ["/vsnbench_500"]
         self.topics = {NAMES.odometry: ["/base"], NAMES.color: ["/camera"], NAMES.depth: ["/camera"]}
         self.kinds: dict[str, str] = {}
-        self.dock = Dock(PROFILE.name, NAMES)
+        self.dock = Dock(PROFILE, NAMES)
         self.chosen = 0
         self.readiness = Readiness(
             NAMES,
             self.snapshot,
             lambda: "",
-            PROFILE.name,
+            PROFILE,
             SimpleNamespace(began_s=time.monotonic() - 60, full_name="/vsnbench_500"),
             SimpleNamespace(nodes=lambda: self.nodes, publishers=self.publishers),
             lambda: None,
             self.choose_server,
             self.dock,
-            ["/hazard_detection"],
         )
         self.report_sensors()
 
@@ -108,4 +108,39 @@ def test_warnings_are_logged_once(caplog) -> None:
     robot.dock.take_battery(SimpleNamespace(power_supply_status=1))
     with caplog.at_level(logging.WARNING):
         assert robot.fault(warned) == robot.fault(warned) == ""
-    assert [record.message.partition(" ")[0] for record in caplog.records] == ["the", "/hazard_detection"]
+    (dock,) = [record.message for record in caplog.records if NAMES.hazards not in record.message]
+    assert robot.dock.advice in dock
+
+
+def test_a_hazard_topic_that_no_node_publishes_is_logged_once_per_session(caplog) -> None:
+    robot = Robot()
+    with caplog.at_level(logging.WARNING):
+        assert robot.fault() == robot.fault() == ""
+    (warning,) = [record.message for record in caplog.records]
+    assert NAMES.hazards in warning
+    assert "interface.hazards" in warning
+
+
+def test_no_episode_begins_with_a_hazard_topic_of_another_type() -> None:
+    robot = Robot()
+    robot.topics[NAMES.hazards] = ["/base"]
+    assert robot.fault() == "wrong-topic-type"
+    robot.kinds[NAMES.hazards] = "irobot_create_msgs/msg/HazardDetectionVector"
+    assert robot.fault() == ""
+
+
+def test_a_simulator_reports_contacts_on_its_own_topic(caplog) -> None:
+    robot = Robot()
+    account = SimulationAccount(
+        simulator="test",
+        site="flat",
+        site_sha256="0" * 64,
+        profile_sha256="0" * 64,
+        odometry_rate_hz=20,
+        command_lag_s=0,
+        rate_factor=1,
+    )
+    robot.reports.take_account(account.model_dump_json())
+    with caplog.at_level(logging.WARNING):
+        assert robot.fault() == ""
+    assert not caplog.records

@@ -60,7 +60,8 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
     name, at, namespace = str(name_or_path).rpartition("@")
     if at and name:
         return in_namespace(load_profile(name), namespace)
-    return read_settings(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")
+    profile = read_settings(profile_path(name_or_path), _ProfileFile, RobotError, "robot profile")
+    return profile.given_as(str(name_or_path))
 
 
 def load_dynamics(path: Path | None, profile: RobotProfile) -> BaseDynamics:

@@ -9,7 +9,6 @@ from std_msgs.msg import Header
 
 from vsnbench.ros1.interface import Ros1Interface
 from vsnbench.ros1.messages import MESSAGE_CLASSES, SensorState
-from vsnbench.sensing.hazards import Hazard
 from vsnbench.values.battery import Battery
 
 _FULL_V, _DANGEROUS_V, _DANGEROUS_SHARE = 16.5, 13.2, 0.05
@@ -24,12 +23,6 @@ def battery_of_kobuki(message: Any) -> Battery | None:
         return None  # not measured yet
     share = _DANGEROUS_SHARE + (1 - _DANGEROUS_SHARE) * (volts - _DANGEROUS_V) / (_FULL_V - _DANGEROUS_V)
     return Battery(min(max(share, 0.0), 1.0), volts)
-
-
-def active_hazards_of_kobuki(message: Any) -> list[Hazard]:
-    """Return the hazards that a SensorState reports as active."""
-    states = ((Hazard.BUMPER, message.bumper), (Hazard.CLIFF, message.cliff), (Hazard.WHEEL_DROP, message.wheel_drop))
-    return [hazard for hazard, bits in states if bits]
 
 
 def kobuki_tenths(share: float) -> int:

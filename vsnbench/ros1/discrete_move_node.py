@@ -18,9 +18,9 @@ from std_srvs.srv import Trigger, TriggerResponse
 from vsnbench.control.command import Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.control.settings import MotionSettings
-from vsnbench.ros1.hazard_events import subscribe_hazards
+from vsnbench.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros1.interface import ros1_interface
-from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse
+from vsnbench.ros1.messages import DiscreteServer, DiscreteServerResponse, twist_message
 from vsnbench.ros1.node import now_s, publish_while_open, sleep_until
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros_common.discrete_move import NODE, DiscreteMoveTask, mover_of
@@ -68,7 +68,8 @@ class DiscreteMoveNode(DiscreteMoveTask):
         super().__init__(names, mover_of(profile, self.settings, self.send, now_s, sleep_until))
         OdometrySubscription(names, self.take_odometry, queue_size=10)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
-        subscribe_hazards(names, self._mover.take_hazard)
+        subscribe_hazards(names.hazard_topics, self._mover.take_hazard)
+        subscribe_states(names, self._mover.take_hazard)
         # A client may call as soon as the service exists, and needs odometry then.
         self._odometry_arrived.wait(_FIRST_ODOMETRY_S)
         Service(f"{names.discrete_move}/reset", Trigger, self._on_reset)
@@ -78,10 +79,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
 
     def send(self, command: Command) -> None:
         """Publish a velocity."""
-        twist = Twist()
-        twist.linear.x = command.linear_m_s
-        twist.angular.z = command.angular_rad_s
-        publish_while_open(self._commands, twist)
+        publish_while_open(self._commands, twist_message(command))
 
     def _warn(self, text: str) -> None:
         rospy.logwarn(text)

@@ -77,8 +77,8 @@ def _steered_topics(server: str, state: SystemState, types: Mapping[str, str]) -
 def _published_twice(names: Ros1Interface, state: SystemState) -> list[GraphFault]:
     faults = []
     for topic in (
-        *(names.odometry, names.color, names.color_info, names.depth, names.depth_info),
-        *(names.bumper, names.cliff, names.wheel_drop, names.battery),
+        *(names.odometry, names.color, names.color_info, names.depth, names.depth_info, names.battery),
+        *(part.topic for part in names.hazard_topics),
     ):
         nodes = sorted(set(state.publishers.get(topic, []))) if topic else []
         if len(nodes) > 1:

@@ -1,6 +1,7 @@
 """Topics and services of a robot profile with `interface.kind: ros1`."""
 
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated, Final, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -10,6 +11,9 @@ from vsnbench.values.robot_profile import RobotProfile
 RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?$")]
 """Name of a topic or service; empty for a part that the robot does not have."""
 
+KOBUKI_STATE: Final = "kobuki_msgs/SensorState"
+"""Type of the state of a Kobuki: its battery, and the state of its hazard sensors."""
+
 
 class Ros1Interface(RosInterface):
     """Topics and services of a robot on a ROS 1 network; an empty name means that the robot does not have the part."""
@@ -18,6 +22,7 @@ class Ros1Interface(RosInterface):
 
     title = "over ROS 1"
     contact_fields = ("bumper",)
+    hazard_fields = MappingProxyType({"bumper": "", "cliff": "", "wheel_drop": ""})
     distinct_fields = (*SHARED_TOPICS, "cliff", "wheel_drop", "battery")
 
     kind: Literal["ros1"]
@@ -33,7 +38,7 @@ class Ros1Interface(RosInterface):
     wheel_drop: RosName = ""
     wheel_drop_type: Literal["kobuki_msgs/WheelDropEvent", "std_msgs/Bool"] = "kobuki_msgs/WheelDropEvent"
     battery: RosName = ""
-    battery_type: Literal["kobuki_msgs/SensorState", "sensor_msgs/BatteryState"] = "kobuki_msgs/SensorState"
+    battery_type: Literal["kobuki_msgs/SensorState", "sensor_msgs/BatteryState"] = KOBUKI_STATE
     color: RosName = Field(default="/camera/color/image_raw", min_length=1)
     color_info: RosName = "/camera/color/camera_info"
     depth: RosName = "/camera/depth/image_raw"

@@ -10,12 +10,13 @@ from io import BytesIO
 from typing import Any, ClassVar
 
 import genpy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
 from std_msgs.msg import Bool, Header, String
 
+from vsnbench.control.command import Command
 from vsnbench.ros_common.interface import OdometryFrames
 from vsnbench.ros_common.messages import fill_transform
 
@@ -299,3 +300,11 @@ def tf_message(odometry: Any, frames: OdometryFrames) -> TFMessage:
     transform = TransformStamped()
     fill_transform(transform, odometry, frames.odom_frame, frames.base_frame)
     return TFMessage([transform])
+
+
+def twist_message(command: Command) -> Twist:
+    """Return a velocity as geometry_msgs/Twist."""
+    twist = Twist()
+    twist.linear.x = command.linear_m_s
+    twist.angular.z = command.angular_rad_s
+    return twist

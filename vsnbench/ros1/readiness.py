@@ -1,6 +1,7 @@
 """Checks that every part of a robot on a ROS 1 network answers."""
 
 import time
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
@@ -22,6 +23,7 @@ class Readiness(readiness.Readiness):
     steering: frozenset[str] = field(init=False, default=frozenset())
     """Nodes that execute the movements of this session."""
     _state: SystemState = field(init=False, default_factory=lambda: SystemState({}, {}, {}))
+    _topic_types: Mapping[str, str] = field(init=False, default_factory=dict)
 
     def _network_fault(self) -> RobotError | None:
         names, master = self.names, self.master
@@ -29,7 +31,7 @@ class Readiness(readiness.Readiness):
             state, types = master.state(), master.topic_types()
         except MasterError as error:
             return error
-        self._state = state
+        self._state, self._topic_types = state, types
         if master.caller not in state.subscribers.get(names.odometry_topic, []):
             raise RobotError(
                 f"the master at {master.uri} was restarted and has no registration of this session",
@@ -52,12 +54,15 @@ class Readiness(readiness.Readiness):
         try:
             self.discrete_move.probe()
         except RobotError as error:
-            start = f"(vsnbench robots serve {self.profile_name})"
+            start = f"(vsnbench robots serve {self.profile.argument})"
             return RobotError(error.statement, advice=f"{error.advice} {start}".strip(), code=error.code)
         return None
 
     def _publishers(self, topic: str) -> list[str]:
         return self._state.publishers.get(topic, [])
+
+    def _types(self, topic: str) -> Collection[str]:
+        return {self._topic_types.get(topic, "")} if self._publishers(topic) else ()
 
     def _silence(self, what: str, topic: str, driver: str) -> RobotError:
         if nodes := " and ".join(self._publishers(topic)):

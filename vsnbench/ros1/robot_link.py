@@ -11,11 +11,18 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from vsnbench.control.command import Command
 from vsnbench.ros1.battery import subscribe_battery
-from vsnbench.ros1.hazard_events import subscribe_hazards
+from vsnbench.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master
-from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, PlaceRobot, PlaceRobotRequest
+from vsnbench.ros1.messages import (
+    DiscreteServer,
+    DiscreteServerRequest,
+    PlaceRobot,
+    PlaceRobotRequest,
+    twist_message,
+)
 from vsnbench.ros1.node import now_s, publish_while_open, start_node
 from vsnbench.ros1.odometry import OdometrySubscription, sender_of
 from vsnbench.ros1.readiness import Readiness
@@ -55,12 +62,13 @@ class RobotLink(robot_link.RobotLink):
         # ROS calls this while the topics are open, also when another node ends this one.
         rospy.on_shutdown(self.stand_still)
         self._readiness = Readiness(
-            names, self.snapshot, lambda: self.odometry.fault, profile.name, self.master, self.discrete_move
+            names, self.snapshot, lambda: self.odometry.fault, profile, self.master, self.discrete_move
         )
         self.odometry = OdometrySubscription(names, self._on_odometry)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         self._subscribe_camera()
-        subscribe_hazards(names, self._reports.take_hazard)
+        subscribe_hazards(names.hazard_topics, self._reports.take_hazard)
+        subscribe_states(names, self._reports.take_hazard)
         subscribe_battery(names, self._reports.take_battery)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
@@ -100,9 +108,9 @@ class RobotLink(robot_link.RobotLink):
         self._subscribe_text(ACCOUNT, self._reports.take_account)
         super().join_simulation()
 
-    def stand_still(self) -> None:
-        """Command zero velocity; does nothing after ROS has closed the topic."""
-        publish_while_open(self._commands, Twist())
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements; does nothing after ROS has closed the topic."""
+        publish_while_open(self._commands, twist_message(command))
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Call discrete_move for one movement; see `ServiceClient.call` for its errors."""

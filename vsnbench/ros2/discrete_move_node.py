@@ -43,8 +43,10 @@ class DiscreteMoveNode(DiscreteMoveTask):
         self._velocities = Velocities(node, Graph(node), names, self.take_foreign_command)
         self._odometry = OdometrySubscription(node, names, self.take_odometry)
         node.rclpy.create_subscription(String, names.simulation_topic(ACCOUNT), self._on_account, LATCHED)
-        for topic in subscribe_hazards(node, names, self._mover.take_hazard):
-            logger.warning("%s needs irobot_create_msgs, which is not installed", topic)
+        subscribe_hazards(node, names, self._mover.take_hazard)
+        for part in names.hazard_topics:
+            if part.missing_package:
+                logger.warning("%s cannot be read: %s is not installed", part.topic, part.missing_package)
         self._server = TopicServiceServer(node, names.discrete_move, self._answer)
 
     def send(self, command: Command) -> None:

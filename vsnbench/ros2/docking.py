@@ -15,6 +15,7 @@ from vsnbench.ros2.installation import irobot_type
 if TYPE_CHECKING:
     from vsnbench.ros2.interface import Ros2Interface
     from vsnbench.ros2.node import Ros2Node
+    from vsnbench.values.robot_profile import RobotProfile
 
 UNDOCK_S = 60.0
 """A Create 3 drives backwards off its dock and turns round in about ten seconds."""
@@ -29,9 +30,8 @@ _CHARGING = 1
 class Dock:
     """State of the dock, as far as the base has reported it."""
 
-    def __init__(self, profile_name: str, names: "Ros2Interface") -> None:
-        robot = f"{profile_name}@{names.root.strip('/')}" if names.root else profile_name
-        command = f"vsnbench robots undock {robot}, or " if names.undock else ""
+    def __init__(self, profile: "RobotProfile", names: "Ros2Interface") -> None:
+        command = f"vsnbench robots undock {profile.argument}, or " if names.undock else ""
         self.advice = f"{command}push it off by hand"
         self.is_docked: bool | None = None
         """None before the first report, or if the message type is not installed."""

@@ -16,20 +16,16 @@ HAZARDS_OF_A_CREATE3 = {1: Hazard.BUMPER, 2: Hazard.CLIFF, 4: Hazard.WHEEL_DROP}
 """Hazards by HazardDetection.type; the other types (backup limit, stall, proximity) are neither contacts nor drops."""
 
 
-def subscribe_hazards(node: Ros2Node, names: Ros2Interface, take: TakeHazard) -> list[str]:
-    """Pass every hazard event to `take`. Returns the topics whose message type is not installed."""
-    unsupported = []
-    if names.bumper:
-        node.rclpy.create_subscription(
-            Bool, names.bumper, lambda message: take(Hazard.BUMPER, 0, bool(message.data), "somewhere"), SENSOR_DATA
-        )
-    if names.hazards:
-        vector = irobot_type("msg", "HazardDetectionVector")
-        if vector is None:
-            unsupported.append(names.hazards)
-        else:
-            node.rclpy.create_subscription(vector, names.hazards, HazardVectors(take), SENSOR_DATA)
-    return unsupported
+def subscribe_hazards(node: Ros2Node, names: Ros2Interface, take: TakeHazard) -> None:
+    """Pass every hazard event to `take`, of the topics whose message type is installed."""
+    readers = {
+        "bumper": (Bool, lambda message: take(Hazard.BUMPER, 0, bool(message.data), "somewhere")),
+        "hazards": (irobot_type("msg", "HazardDetectionVector"), HazardVectors(take)),
+    }
+    for part in names.hazard_topics:
+        if not part.missing_package:
+            message_class, on_message = readers[part.field]
+            node.rclpy.create_subscription(message_class, part.topic, on_message, SENSOR_DATA)
 
 
 class HazardVectors:

@@ -75,6 +75,11 @@ def irobot_type(kind: str, name: str) -> Any:
         return None
 
 
+def type_of(message_class: type) -> str:
+    """Return the type of a message class, such as `nav_msgs/msg/Odometry`."""
+    return f"{message_class.__module__.partition('.')[0]}/msg/{message_class.__name__}"
+
+
 def require_tf_message() -> Any:
     """Return the class of tf2_msgs/msg/TFMessage, which is part of a distribution and not of a wheel.
 

@@ -1,10 +1,14 @@
 """Topics of a robot profile with `interface.kind: ros2`."""
 
+from dataclasses import replace
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field
 
 from vsnbench.errors import RobotError
+from vsnbench.ros2.installation import irobot_type, type_of
+from vsnbench.ros_common.hazard_topics import HazardTopic
 from vsnbench.ros_common.interface import SHARED_TOPICS, RosInterface, require_interface
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -13,6 +17,7 @@ RosName = Annotated[str, Field(pattern=r"^(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 VELOCITIES = (TWIST, TWIST_STAMPED)
 """Types of velocity commands."""
+_IROBOT = "irobot_create_msgs"
 
 
 class Ros2Interface(RosInterface):
@@ -22,6 +27,7 @@ class Ros2Interface(RosInterface):
 
     title = "over ROS 2"
     contact_fields = ("bumper", "hazards")
+    hazard_fields = MappingProxyType({"bumper": "std_msgs/Bool", "hazards": f"{_IROBOT}/HazardDetectionVector"})
     distinct_fields = (*SHARED_TOPICS, "hazards", "battery", "dock")
 
     kind: Literal["ros2"]
@@ -47,6 +53,14 @@ class Ros2Interface(RosInterface):
     command_timeout_s: float = Field(
         default=0.5, gt=0, le=60, description="time without a command after which the base stops"
     )
+
+    @property
+    def hazard_topics(self) -> tuple[HazardTopic, ...]:
+        """Topics of the hazard sensors that the base has."""
+        start = "start its driver, on a TurtleBot 4 by hazard_detection in republisher.yaml"
+        vector = irobot_type("msg", "HazardDetectionVector")
+        of_irobot = {"start": start, **({"missing_package": _IROBOT} if vector is None else {"kind": type_of(vector)})}
+        return tuple(replace(part, **of_irobot) if part.field == "hazards" else part for part in super().hazard_topics)
 
     def resolve(self, name: str) -> str:
         """Return the full name of a topic; an empty name stays empty."""
@@ -110,4 +124,4 @@ def in_namespace(profile: RobotProfile, namespace: str) -> RobotProfile:
             advice="use letters, digits, _ and /",
             code="invalid-namespace",
         ) from error
-    return profile.model_copy(update={"interface": interface})
+    return profile.model_copy(update={"interface": interface}).given_as(profile.given_in(namespace))

@@ -1,7 +1,7 @@
 """Checks that every part of a robot on a ROS 2 graph answers."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,8 +34,6 @@ class Readiness(readiness.Readiness):
     choose_server: Callable[[], RobotError | None]
     """Selects what executes movements; returns why nothing can, or None."""
     dock: Dock
-    unsupported_topics: Sequence[str]
-    """Topics whose message type is not installed."""
 
     @property
     def _discovery_left_s(self) -> float:
@@ -47,12 +45,13 @@ class Readiness(readiness.Readiness):
             return RobotError(
                 f"{earlier} already uses this robot", advice="wait until it has ended", code="robot-in-use"
             )
+        namespaced = self.profile.given_in("NAMESPACE")
         for topic in (names.odometry, names.color, names.depth):
             nodes = self._publishers(topic)
             if len(nodes) > 1:
                 return RobotError(
                     f"{' and '.join(nodes)} both publish {topic}",
-                    advice=f"end one of them, or set the robot's namespace (--robot {self.profile_name}@NAMESPACE)",
+                    advice=f"end one of them, or set the robot's namespace (--robot {namespaced})",
                     code="two-publishers",
                 )
         return self.connect()
@@ -62,18 +61,15 @@ class Readiness(readiness.Readiness):
             return RobotError("the simulator has not described itself yet", code="no-simulation-account")
         if fault := self.dock.fault:
             return fault
-        if now.simulation is None:
-            if self.dock.doubt:
-                self._warn_once(self.dock.doubt)
-            for topic in self.unsupported_topics:
-                self._warn_once(
-                    f"{topic} needs irobot_create_msgs, which is not installed: report collisions by the space bar, "
-                    "and when asked after the episode"
-                )
+        if now.simulation is None and self.dock.doubt:
+            self._warn_once(self.dock.doubt)
         return self.choose_server()
 
     def _publishers(self, topic: str) -> list[str]:
         return sorted(publisher.node for publisher in self.graph.publishers(topic))
+
+    def _types(self, topic: str) -> Collection[str]:
+        return {publisher.type_name for publisher in self.graph.publishers(topic)}
 
     def _silence(self, what: str, topic: str, driver: str) -> RobotError:
         kind = self.names.odometry_type if what == "odometry" else "sensor_msgs/Image"

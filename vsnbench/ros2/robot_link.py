@@ -110,9 +110,9 @@ class RobotLink(robot_link.RobotLink):
         """Return an image of a snapshot as a message."""
         return image_of_serialized(payload)
 
-    def stand_still(self) -> None:
-        """Command zero velocity."""
-        self.velocities.send(STANDSTILL)
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+        self.velocities.send(command)
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Execute one movement and return whether it succeeded; `watch` may raise to end it.
@@ -185,7 +185,7 @@ class RobotLink(robot_link.RobotLink):
         try:
             answer = self._discrete_move.call({"movement": "Ping"}, 1.0)
         except NoAnswerError as error:
-            start = f"(vsnbench robots serve {self.profile_name})"
+            start = f"(vsnbench robots serve {self.profile.argument})"
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
         self._robot_drives = answer.get("drives") is True
         if missing := answer.get("missing", ""):
@@ -227,20 +227,19 @@ class RobotLink(robot_link.RobotLink):
         self.odometry = OdometrySubscription(self.node, names, self._on_odometry)
         self._subscribe_camera()
         self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
-        unsupported_topics = subscribe_hazards(self.node, names, self._on_hazard)
-        dock = Dock(self.profile_name, names)
+        subscribe_hazards(self.node, names, self._on_hazard)
+        dock = Dock(self.profile, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
         self._readiness = Readiness(
             names,
             self.snapshot,
             lambda: self.odometry.fault,
-            self.profile_name,
+            self.profile,
             node=self.node,
             graph=self.graph,
             connect=self.velocities.connect,
             choose_server=self.choose_server,
             dock=dock,
-            unsupported_topics=unsupported_topics,
         )
 
     def _on_odometry(self, pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from vsnbench.errors import RobotError
+from vsnbench.ros_common.hazard_topics import HazardTopic
 from vsnbench.values.robot_profile import Interface, RobotProfile
 
 FrameId = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=100)]
@@ -53,6 +54,8 @@ class RosInterface(Interface):
     """Description for lists of robots."""
     contact_fields: ClassVar[tuple[str, ...]]
     """Fields that name a topic with contacts."""
+    hazard_fields: ClassVar[Mapping[str, str]]
+    """Fields that name a topic of hazard sensors, and the type of its messages; empty if FIELD_type has the type."""
     distinct_fields: ClassVar[tuple[str, ...]]
     """Fields whose topics must differ."""
 
@@ -84,6 +87,15 @@ class RosInterface(Interface):
     def odometry_type(self) -> str:
         """Type of the messages on `odometry_topic`, such as `nav_msgs/Odometry`."""
         return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
+
+    @property
+    def hazard_topics(self) -> tuple[HazardTopic, ...]:
+        """Topics of the hazard sensors that the base has."""
+        return tuple(
+            HazardTopic(field, topic, self.type_name(kind or getattr(self, f"{field}_type")))
+            for field, kind in self.hazard_fields.items()
+            if (topic := getattr(self, field))
+        )
 
     def type_name(self, kind: str) -> str:
         """Return the name that the middleware has for a type such as `sensor_msgs/Image`."""

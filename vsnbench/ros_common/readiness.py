@@ -3,13 +3,15 @@
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
+from vsnbench.ros_common.hazard_topics import WRONG_TYPE
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.robot_reports import AGE_LIMIT_S, RobotSnapshot
+from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
 
@@ -24,8 +26,10 @@ class Readiness(ABC):
     """Returns the newest reports of the robot."""
     odometry_fault: Callable[[], str]
     """Returns why TF gives no odometry, or an empty string."""
-    profile_name: str
+    profile: RobotProfile
     _warned: set[str] = field(init=False, default_factory=set)
+    _deaf_topics: set[str] = field(init=False, default_factory=set)
+    """Topics of hazard sensors about which the session was warned."""
 
     def missing_part(self, warned: set[str]) -> RobotError | None:
         """Return the first part that does not answer, with advice; None when all parts answer.
@@ -39,7 +43,12 @@ class Readiness(ABC):
         self._warned = warned
         time.sleep(self._discovery_left_s)
         now, now_s = self.snapshot(), time.monotonic()
-        return self._network_fault() or self._sensor_fault(now, now_s) or self._server_fault(now)
+        return (
+            self._network_fault()
+            or self._sensor_fault(now, now_s)
+            or self._server_fault(now)
+            or self._hazard_fault(now)
+        )
 
     @property
     def _discovery_left_s(self) -> float:
@@ -59,8 +68,28 @@ class Readiness(ABC):
         """Return the nodes that publish a topic."""
 
     @abstractmethod
+    def _types(self, topic: str) -> Collection[str]:
+        """Return the types of the publishers of a topic; empty if no node publishes it."""
+
+    @abstractmethod
     def _silence(self, what: str, topic: str, driver: str) -> RobotError:
         """Return why no messages arrive on a topic."""
+
+    def _hazard_fault(self, now: RobotSnapshot) -> RobotError | None:
+        """Return the fault of a hazard topic with which no episode may begin; log others once per session.
+
+        A simulator reports contacts on its own topic.
+        """
+        if now.simulation is not None:
+            return None
+        for part in self.names.hazard_topics:
+            fault = part.fault(self._types(part.topic))
+            if fault is not None and fault.code == WRONG_TYPE:
+                return fault
+            if fault is not None and part.topic not in self._deaf_topics:
+                self._deaf_topics.add(part.topic)
+                logger.warning("%s", fault)
+        return None
 
     def _warn_once(self, text: str) -> None:
         """Log a warning unless it was logged already."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
-from vsnbench.control.command import Command
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.errors import RobotError
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import moves, planar
@@ -32,6 +32,7 @@ class RobotLink(ABC):
 
     Attributes:
         kind: `ros1` or `ros2`, the kind of the robot's identity.
+        profile: profile of the robot.
         names: interface of the profile, with full names of topics.
         image_turns: number of clockwise quarter turns that set an image upright.
         reports_lifting: whether the base has a topic that reports lifted wheels.
@@ -44,7 +45,7 @@ class RobotLink(ABC):
     _readiness: Readiness
 
     def __init__(self, profile: RobotProfile) -> None:
-        self.profile_name = profile.name
+        self.profile = profile
         self._reports = RobotReports(profile)
         self._hold = ZeroHold(self.stand_still)
 
@@ -126,8 +127,12 @@ class RobotLink(ABC):
         """Whether a movement reports more than True or False."""
 
     @abstractmethod
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+
     def stand_still(self) -> None:
         """Command zero velocity."""
+        self.command(STANDSTILL)
 
     @abstractmethod
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:

@@ -70,6 +70,13 @@ class TopicMonitor:
         with self._lock:
             return dict(self._topics)
 
+    def recent(self, topic: str, count: int) -> list[tuple[bytes, float]]:
+        """Return the last messages of a topic and their arrivals, oldest first."""
+        with self._lock:
+            record = self._topics[topic]
+            messages = record.messages[-count:]
+            return list(zip(messages, record.arrivals[len(record.arrivals) - len(messages) :], strict=True))
+
     def settled(self, topic: str) -> bytes | None:
         """Return the newest message after a motion has settled; None if there is none."""
         time.sleep(SETTLING_S)

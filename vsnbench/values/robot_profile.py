@@ -5,11 +5,12 @@ The YAML files are in `vsnbench/robots/profiles`.
 
 import hashlib
 import json
+import shlex
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, SerializeAsAny, model_validator
 
 from vsnbench.values.camera import Camera
 
@@ -132,6 +133,25 @@ class RobotProfile(BaseModel):
     dynamics: BaseDynamics | None = Field(
         default=None, description="behaviour of the base in simulation; none for an ideal base"
     )
+
+    _given: str = PrivateAttr(default="")
+
+    def given_as(self, name: str) -> Self:
+        """Return the same profile with the name, path or NAME@NAMESPACE by which the user named the robot."""
+        profile = self.model_copy()
+        profile._given = name  # noqa: SLF001  # of this class
+        return profile
+
+    @property
+    def argument(self) -> str:
+        """The robot as an argument of a printed command: as the user named it, quoted for a shell."""
+        namespace = getattr(self.interface, "namespace", "")
+        return shlex.quote(self._given or (f"{self.name}@{namespace}" if namespace else self.name))
+
+    def given_in(self, namespace: str) -> str:
+        """Return the name on the command line of the same robot in another namespace."""
+        without, at, _ = self._given.rpartition("@")
+        return f"{(without if at else self._given) or self.name}@{namespace}"
 
     @model_validator(mode="before")
     @classmethod

@@ -73,6 +73,7 @@ def test_a_healthy_robot_is_ready_and_its_odometry_follows_its_wheels(patient) -
     assert found["colour image"] == ("ok", "rgb8, 64x48", "")
     assert found["clocks"][0] == "ok"
     assert found["/discrete_move"][0] == "ok"
+    assert found["response"][0] == found["slowest turn"][0] == "ok"
     assert found["Left 30°"][0] == found["Right 30°"][0] == "ok"
     # A camera without camera_info is only a warning.
     assert found["/camera/color/camera_info"][0] == "warning"

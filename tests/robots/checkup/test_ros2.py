@@ -137,10 +137,26 @@ def test_the_dock_is_checked_once_the_base_reports_it() -> None:
     def results() -> dict[str, str]:
         return {result.what: result.health.value for result in checkup._base_results(checkup.messages)}
 
-    assert results() == {NAMES.hazards: "warning"}, "irobot_create_msgs is not installed"
+    assert results() == {}
     for is_docked, health in ((True, "failed"), (False, "ok")):
         checkup.dock.take_status(SimpleNamespace(is_docked=is_docked))
         assert results()["dock"] == health
+
+
+@pytest.mark.parametrize(
+    ("types", "health", "shows"),
+    [
+        ([], "warning", "no node publishes"),
+        (["sensor_msgs/msg/Image"], "failed", "sensor_msgs/msg/Image"),
+        (["irobot_create_msgs/msg/HazardDetectionVector"], "warning", "irobot_create_msgs is not installed"),
+    ],
+)
+def test_a_hazard_topic_without_reports_is_named(types: list[str], health: str, shows: str) -> None:
+    listener = Listener(publishing={NAMES.hazards: [base("/driver", kind) for kind in types]})
+    (result,) = listener.checkup._hazard_results()
+    assert (result.what, result.health) == (NAMES.hazards, health)
+    assert shows in result.seen
+    assert result.advice
 
 
 def test_a_mover_on_the_robot_has_to_answer() -> None:

@@ -38,7 +38,7 @@ def command(
         bool,
         typer.Option(
             "--move",
-            help="Turn the robot 30° to the left and back to check odometry, and measure its watchdog.",
+            help="Turn the robot on the spot, by 30° at most, to check odometry, response and watchdog.",
         ),
     ] = False,
     results: Results = None,

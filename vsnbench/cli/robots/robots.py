@@ -93,7 +93,8 @@ def check(robot: RobotArgument, as_json: Json = False) -> None:
     profile = load_profile(robot)
     warnings = implausible_values(profile)
     lines = [f"warning: {warning}" for warning in warnings]
-    lines += [f"{profile.name}: {profile.title}: the profile is valid; vsnbench doctor checks the robot itself"]
+    further = f"; check the robot itself: vsnbench doctor --robot {profile.argument}" if profile.interface else ""
+    lines += [f"{profile.name}: {profile.title}: the profile is valid{further}"]
     fields = {"robot": profile.name, "title": profile.title, "faults": [], "warnings": warnings}
     print_result(fields, "\n".join(lines), as_json=as_json)
 

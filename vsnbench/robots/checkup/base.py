@@ -10,9 +10,11 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
+from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
 from vsnbench.robots.checkup.images import frozen_result, image_results, image_type
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.ros_common.hazard_topics import WRONG_TYPE
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
 from vsnbench.ros_common.odometry import OdometryReader
@@ -43,13 +45,18 @@ class ActiveHazards:
             if active:
                 self._active[hazard, sensor] = where
 
-    def results(self) -> Iterator[CheckResult]:
-        """Report the active sensors; nothing if there are none."""
+    @property
+    def text(self) -> str:
+        """The active sensors, or an empty string."""
         with self._lock:
             active = sorted(f"{hazard.value} ({where})" for (hazard, _), where in self._active.items())
-        if active:
+        return ", ".join(active)
+
+    def results(self) -> Iterator[CheckResult]:
+        """Report the active sensors; nothing if there are none."""
+        if active := self.text:
             advice = "free the robot, and put it flat on its wheels"
-            yield CheckResult("hazards", Health.FAILED, f"the base reports: {', '.join(active)}", advice)
+            yield CheckResult("hazards", Health.FAILED, f"the base reports: {active}", advice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +74,7 @@ class Turn:
     reason: str = ""
 
 
-class TurnTest(ABC):
+class TurnTest(SteeredBase):
     """Turns the robot on the spot."""
 
     @abstractmethod
@@ -91,17 +98,15 @@ class RosCheckup(ABC):
     """Checks every part of a robot; subclasses connect to a middleware.
 
     Attributes:
-        topics: type of the messages by topic, of all topics that the robot should publish.
+        topics: type of the messages by topic, of all topics that the robot should publish but those of hazard sensors.
         messages: received messages by topic.
         image_turns: number of clockwise quarter turns that set an image upright.
-        has_event_topics: whether some topics publish only when something changes.
         closing: closes what `connect` opened.
     """
 
     names: RosInterface
     topics: dict[str, str]
     image_turns = 0
-    has_event_topics = False
 
     def __init__(self, profile: RobotProfile) -> None:
         self.profile = profile
@@ -129,7 +134,7 @@ class RosCheckup(ABC):
             yield from image_results(self.profile, readable, self._read, self.image_turns)
             yield from frame_results(self.names, readable)
             yield from self._odometry_results(readable)
-            yield from self.hazards.results()
+            yield from self._hazard_results()
             yield from self._base_results(readable)
             yield from clock_results(self.names, self.messages, self._remote_nodes())
             yield from self._mover_results(move=move)
@@ -163,6 +168,10 @@ class RosCheckup(ABC):
     @abstractmethod
     def _publishers(self, topic: str) -> Sequence[str]:
         """Return the publishers of a topic."""
+
+    @abstractmethod
+    def _types_of(self, topic: str) -> frozenset[str]:
+        """Return the types of the publishers of a topic; empty if no node publishes it."""
 
     @abstractmethod
     def _has_type(self, topic: str, kind: str) -> bool:
@@ -216,7 +225,11 @@ class RosCheckup(ABC):
 
     @property
     def raw_topics(self) -> dict[str, str]:
-        """The topics that `listen` receives as bytes: all but TF."""
+        """The topics that `listen` receives as bytes: all but TF.
+
+        No topic may be here that this process also subscribes to as messages: rospy gives all subscribers of a topic
+        in a process what the first one asked for. This is why `topics` has no hazard sensors.
+        """
         tf_topic = self.names.odometry_topic if self.names.tf else ""
         return {topic: kind for topic, kind in self.topics.items() if topic != tf_topic}
 
@@ -234,11 +247,23 @@ class RosCheckup(ABC):
                 yield fault
             elif topic in rates and messages.arrivals:
                 yield rate_result(topic, self._described(topic, kind), messages, rates[topic])
-            elif messages.arrivals or (topic not in rates and self.has_event_topics):
+            elif messages.arrivals:
                 yield CheckResult(topic, Health.OK, kind)
             else:
                 seen = f"{self._described(topic, kind)}, silent for {LISTEN_S:g} s"
                 yield CheckResult(topic, bad, seen, self._silent_advice(topic))
+
+    def _hazard_results(self) -> Iterator[CheckResult]:
+        """Check the topics of the hazard sensors, and report the active sensors."""
+        for part in self.names.hazard_topics:
+            fault = part.fault(self._types_of(part.topic))
+            if fault is None:
+                publishers = ", ".join(sorted(set(self._publishers(part.topic))))
+                yield CheckResult(part.topic, Health.OK, f"{part.kind}, published by {publishers}")
+            else:
+                health = Health.FAILED if fault.code == WRONG_TYPE else Health.WARNING
+                yield CheckResult(part.topic, health, fault.statement, fault.advice)
+        yield from self.hazards.results()
 
     def _odometry_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
         names, topic = self.names, self.names.odometry_topic
@@ -253,9 +278,10 @@ class RosCheckup(ABC):
             yield from odometry_results(self.profile, readings)
 
     def _motion_results(self) -> Iterator[CheckResult]:
-        """Turn to the left and back, and compare with the odometry and the depth images."""
+        """Measure the response to commands; turn to the left and back, and compare with odometry and depth images."""
         try:
             with self._turn_test() as test:
+                yield from turn_response_results(test, self.profile)
                 yield from _turn_results(test)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)

@@ -1,18 +1,33 @@
 """Checks of the odometry of a base at rest."""
 
+import math
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from vsnbench.control.settings import MotionSettings
-from vsnbench.control.standstill import noise_of, noise_words, too_noisy
+from vsnbench.control.standstill import (
+    BOUND_ERRORS,
+    STILL_SHARE,
+    StandstillNoise,
+    noise_of,
+    noise_words,
+    too_noisy,
+)
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros_common.interface import OdometryFrames
-from vsnbench.sensing.odometry.odometry import OdometryTracker, PlanarReading
+from vsnbench.sensing.odometry.odometry import OdometryReading, OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages
 from vsnbench.values.action import Action
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile, Tolerances
+
+_NOISE_MARGIN = 1.15
+"""Allowance for another measurement of the noise in a recommended tolerance."""
+_MANTISSAS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+_LARGEST_M, _LARGEST_DEG = 0.1, 10.0
+"""Largest tolerances of a profile."""
 
 
 class TfReadings:
@@ -44,6 +59,16 @@ class TfReadings:
         with self._lock:
             return list(self._readings)
 
+    def latest(self, count: int) -> list[OdometryReading]:
+        """Return the last poses with their arrivals, oldest first."""
+        with self._lock:
+            readings = self._readings[-count:]
+            arrivals = self._messages.arrivals[len(self._messages.arrivals) - len(readings) :]
+        return [
+            OdometryReading(Pose(reading.x_m, reading.y_m, reading.heading_rad), reading.stamp_s, arrival_s)
+            for reading, arrival_s in zip(readings, arrivals, strict=True)
+        ]
+
     def settled_heading_rad(self) -> float | None:
         """Return the newest heading after a motion has settled; None if there is none."""
         time.sleep(SETTLING_S)
@@ -64,22 +89,97 @@ def frames_result(frames: OdometryFrames, fault: str, senders: set[str]) -> Chec
 def odometry_results(profile: RobotProfile, readings: Iterable[PlanarReading]) -> Iterator[CheckResult]:
     """Report whether the odometry is usable: finite values, no jumps, noise within the tolerances."""
     tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
-    poses = []
+    accepted = []
     for reading in readings:
         fault = tracker.add(reading.x_m, reading.y_m, reading.heading_rad, reading.stamp_s, reading.stamp_s)
         if fault is not None:
             yield CheckResult("odometry", Health.FAILED, fault.text, "restart the driver of the base")
             return
         if tracker.latest is not None:
-            poses.append(tracker.latest.pose)
-    if not poses:
+            accepted.append(tracker.latest)
+    if not accepted:
         return
-    noise, settings = noise_of(poses), MotionSettings.for_robot(profile)
-    for action in (Action.MOVE_FORWARD, Action.TURN_LEFT):
-        of_action, tolerance = noise.along(turns=action.turns), settings.tolerance(action)
-        if too_noisy(of_action, tolerance, settings.aim_share, profile.base.odometry_rate_hz):
-            advice = "use filtered odometry, or set `tolerances` in the profile, which makes another campaign"
-            yield CheckResult("odometry", Health.FAILED, noise_words(of_action, tolerance, turns=action.turns), advice)
-            return
+    noise, settings = noise_of([reading.pose for reading in accepted]), MotionSettings.for_robot(profile)
+    faults = [
+        noise_words(noise.along(turns=action.turns), settings.tolerance(action), turns=action.turns)
+        for action in (Action.MOVE_FORWARD, Action.TURN_LEFT)
+        if _is_too_noisy(noise, settings.tolerance(action), profile, turns=action.turns)
+    ]
+    if faults:
+        yield CheckResult("odometry", Health.FAILED, "; ".join(faults), tolerance_advice(profile, noise))
+        return
+    if (drift := drift_text(accepted, settings)) is not None:
+        advice = "calibrate the gyro with the base at rest, check that nothing moves it, or use filtered odometry"
+        yield CheckResult("odometry", Health.FAILED, drift, advice)
+        return
     seen = f"noise at rest {noise.position_m * 1000:.2g} mm, {noise.heading_deg:.2g}°"
     yield CheckResult("odometry", Health.OK, seen)
+
+
+def _is_too_noisy(noise: StandstillNoise, tolerance: float, profile: RobotProfile, *, turns: bool) -> bool:
+    share = MotionSettings.for_robot(profile).aim_share
+    return too_noisy(noise.along(turns=turns), tolerance, share, profile.base.odometry_rate_hz)
+
+
+def tolerance_advice(profile: RobotProfile, noise: StandstillNoise) -> str:
+    """Return the advice for noise that is too large for the tolerances: the tolerances that it allows."""
+    settings = MotionSettings.for_robot(profile)
+    worst = StandstillNoise(_NOISE_MARGIN * noise.position_m, _NOISE_MARGIN * noise.heading_rad)
+
+    def position_holds(position_m: float) -> bool:
+        return not _is_too_noisy(worst, position_m, profile, turns=False)
+
+    def turn_holds(turn_deg: float) -> bool:
+        return not _is_too_noisy(worst, math.radians(turn_deg), profile, turns=True)
+
+    position_m: float | None = settings.position_tolerance_m
+    turn_deg: float | None = math.degrees(settings.heading_tolerance_rad)
+    if not position_holds(settings.position_tolerance_m):
+        position_m = smallest_allowed(position_holds, _LARGEST_M)
+    if not turn_holds(math.degrees(settings.heading_tolerance_rad)):
+        turn_deg = smallest_allowed(turn_holds, _LARGEST_DEG)
+    return f"use filtered odometry, or {tolerances_line(position_m, turn_deg)}"
+
+
+def tolerances_line(position_m: float | None, turn_deg: float | None) -> str:
+    """Return the tolerances to put into the profile; None for one that no value meets."""
+    if position_m is None or turn_deg is None:
+        return "another base: no tolerances of a profile can be met"
+    allowed = Tolerances(position_m=round(position_m, 6), turn_deg=round(turn_deg, 6))
+    lines = f"tolerances: {{position_m: {allowed.position_m:g}, turn_deg: {allowed.turn_deg:g}}}"
+    return f"put into the profile, which makes another campaign: {lines}"
+
+
+def smallest_allowed(holds: Callable[[float], bool], largest: float) -> float | None:
+    """Return the smallest round value up to `largest` for which `holds` is true; None if there is none."""
+    values = (mantissa * 10.0**exponent for exponent in range(-4, 2) for mantissa in _MANTISSAS)
+    return next((value for value in values if value <= largest and holds(value)), None)
+
+
+def drift_text(readings: Sequence[OdometryReading], settings: MotionSettings) -> str | None:
+    """Return that the odometry at rest drifts too much for a base to count as settled; None if it does not."""
+    times_s = [reading.stamp_s for reading in readings]
+    for scale, unit, tolerance, values in (
+        (1000.0, "mm", settings.position_tolerance_m, [reading.pose.x_m for reading in readings]),
+        (1000.0, "mm", settings.position_tolerance_m, [reading.pose.y_m for reading in readings]),
+        (math.degrees(1), "°", settings.heading_tolerance_rad, [reading.pose.heading_rad for reading in readings]),
+    ):
+        per_s, error = _slope(times_s, values)
+        if (abs(per_s) - BOUND_ERRORS * error) * settings.settle_s > STILL_SHARE * tolerance:
+            return (
+                f"at rest the odometry drifts by {abs(per_s) * scale:.2g} {unit}/s: the base does not count as settled "
+                f"within {settings.settle_s:.2g} s, and no movement can end"
+            )
+    return None
+
+
+def _slope(times_s: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
+    """Return the slope of values over time and its standard error; zero for too few readings."""
+    count = len(values)
+    if count < 10 or times_s[-1] <= times_s[0]:
+        return 0.0, 0.0
+    middle_s, mean = sum(times_s) / count, sum(values) / count
+    squares = sum((at_s - middle_s) ** 2 for at_s in times_s)
+    slope = sum((at_s - middle_s) * (value - mean) for at_s, value in zip(times_s, values, strict=True)) / squares
+    rest = sum((v - mean - slope * (t - middle_s)) ** 2 for t, v in zip(times_s, values, strict=True))
+    return slope, math.sqrt(rest / (count - 2) / squares)

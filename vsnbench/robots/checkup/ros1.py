@@ -7,11 +7,12 @@ import os
 import socket
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
@@ -21,11 +22,13 @@ from vsnbench.robots.checkup.images import type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros1.graph import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
-from vsnbench.ros1.interface import Ros1Interface, ros1_interface
+from vsnbench.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interface
 from vsnbench.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros_common.messages import planar
+from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
@@ -34,6 +37,9 @@ if TYPE_CHECKING:
 
 _DEPTH_S = 0.5
 """Time for depth images before and after a turn."""
+_LATEST = 10
+"""Number of readings that arrive at most between two commands."""
+_CONNECTING_S, _POLL_S = 3.0, 0.05
 _NODE = f"/{DOCTOR}"
 _OWN_NODES = frozenset({"/vsnbench", _NODE})
 _TWIST = "geometry_msgs/Twist"
@@ -44,18 +50,11 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     names: Ros1Interface
     listener: TopicListener
-    has_event_topics = True
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
         self.names = names = ros1_interface(profile)
-        others: dict[str, str] = {
-            names.bumper: names.bumper_type,
-            names.cliff: names.cliff_type,
-            names.wheel_drop: names.wheel_drop_type,
-            names.battery: names.battery_type,
-        }
-        self.topics = expected_topics(names, others)
+        self.topics = expected_topics(names, {names.battery: names.battery_type})
         self._state = SystemState({}, {}, {})
         self._types: dict[str, str] = {}
 
@@ -80,22 +79,23 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return True
 
     def _receive(self) -> None:
-        from vsnbench.ros1.battery import active_hazards_of_kobuki
-        from vsnbench.ros1.hazard_events import subscribe_hazards
+        from vsnbench.ros1.hazard_events import KobukiStates, subscribe_hazards
         from vsnbench.ros1.topic_listener import TopicListener
 
         names = self.names
         self.listener = TopicListener(DOCTOR, self.raw_topics)
         self.closing.callback(self.listener.close)
-        subscribe_hazards(names, self.hazards.take)
+        self._ask_master()
+        # rospy prints a traceback for a subscription to a topic of another type.
+        readable = [part for part in names.hazard_topics if not self._types_of(part.topic) - {part.kind}]
+        subscribe_hazards(readable, self.hazards.take)
         self.listen(self.listener)
+        self._ask_master()
+        if names.battery and self._has_type(names.battery, KOBUKI_STATE) and self.messages[names.battery].messages:
+            KobukiStates(self.hazards.take)(self._read(KOBUKI_STATE, self.messages[names.battery].messages[-1]))
+
+    def _ask_master(self) -> None:
         self._state, self._types = self._master.state(), self._master.topic_types()
-        kobuki = "kobuki_msgs/SensorState"
-        if names.battery and self._has_type(names.battery, kobuki) and self.messages[names.battery].messages:
-            # Hazard events are only sent on changes; the sensor state also shows a sensor that is already active.
-            state = self._read(kobuki, self.messages[names.battery].messages[-1])
-            for hazard in active_hazards_of_kobuki(state):
-                self.hazards.take(hazard, -1, True, "sensor state")
 
     def _command_results(self) -> Iterator[CheckResult]:
         names, state, types = self.names, self._state, self._types
@@ -129,16 +129,30 @@ class Ros1Checkup(RosCheckup, TurnTest):
             advice = error.advice or "end the server, which has another version of discrete_move/DiscreteServer"
             yield CheckResult(name, Health.FAILED, error.statement, advice)
         except RobotError as error:
-            advice = f"start it: vsnbench robots serve {self.profile.name}"
+            advice = f"start it: vsnbench robots serve {self.profile.argument}"
             yield CheckResult(name, Health.FAILED, error.statement, advice)
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
 
-    def _turn_test(self) -> AbstractContextManager[TurnTest]:
-        return nullcontext(self)
+    @contextmanager
+    def _turn_test(self) -> Iterator[TurnTest]:
+        import rospy
+        from geometry_msgs.msg import Twist
+
+        self._commands = rospy.Publisher(self.names.command, Twist, queue_size=10, tcp_nodelay=True)
+        until_s = time.monotonic() + _CONNECTING_S
+        while not self._commands.get_num_connections() and time.monotonic() < until_s:
+            time.sleep(_POLL_S)
+        try:
+            yield self
+        finally:
+            self.steer(STANDSTILL)
 
     def _publishers(self, topic: str) -> Sequence[str]:
         return self._state.publishers.get(topic, [])
+
+    def _types_of(self, topic: str) -> frozenset[str]:
+        return frozenset({self._types.get(topic, "")} if self._publishers(topic) else ())
 
     def _has_type(self, topic: str, kind: str) -> bool:
         return self._types.get(topic) == kind
@@ -194,6 +208,31 @@ class Ros1Checkup(RosCheckup, TurnTest):
         if before is None or after is None:
             return Turn(answered, None)
         return Turn(answered, math.remainder(after - before, math.tau))
+
+    @property
+    def now_s(self) -> float:
+        """Time on the clock of the arrivals of messages."""
+        return time.time()
+
+    def steer(self, command: Command) -> None:
+        """Command a velocity."""
+        from vsnbench.ros1.messages import twist_message
+
+        self._commands.publish(twist_message(command))
+
+    def latest(self) -> Sequence[OdometryReading]:
+        """Return the newest readings of the odometry, oldest first."""
+        if self.names.tf:
+            return self.transforms.latest(_LATEST)
+        return [
+            OdometryReading(Pose(*planar(message)), self._seconds(message.header.stamp), arrival_s)
+            for data, arrival_s in self.listener.monitor.recent(self.names.odometry, _LATEST)
+            if (message := self._read("nav_msgs/Odometry", data))
+        ]
+
+    def hazard(self) -> str:
+        """Return the active hazard sensors, or an empty string."""
+        return self.hazards.text
 
     def _heading_rad(self) -> float | None:
         """Return the heading of the odometry after a motion has settled; None without odometry."""

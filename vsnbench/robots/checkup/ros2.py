@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
@@ -19,17 +20,17 @@ from vsnbench.robots.ros.start import Patience, wait_until_ready
 from vsnbench.robots.ros.watchdog import (
     WatchdogMeasurement,
     measure_watchdog,
-    robot_option,
     store_measurement,
     stored_measurement,
     watchdog_advice,
 )
 from vsnbench.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
-from vsnbench.ros2.installation import INSTALL, discovery, irobot_type, missing_packages
+from vsnbench.ros2.installation import INSTALL, discovery, missing_packages
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
@@ -52,7 +53,7 @@ class Ros2Checkup(RosCheckup):
         self.names = ros2_interface(profile)
         self.image_turns = self.names.image_turns
         self.topics = expected_topics(self.names, {self.names.battery: "sensor_msgs/BatteryState"})
-        self.dock = Dock(profile.name, self.names)
+        self.dock = Dock(profile, self.names)
         self._others: list[str] = []
 
     def _connect(self) -> Generator[CheckResult, None, bool]:
@@ -115,19 +116,8 @@ class Ros2Checkup(RosCheckup):
             yield battery_result(battery)
 
     def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-        names, dock = self.names, self.dock
+        dock = self.dock
         yield from self._battery_results(readable)
-        if names.hazards and irobot_type("msg", "HazardDetectionVector") is None:
-            yield CheckResult(
-                names.hazards,
-                Health.WARNING,
-                "irobot_create_msgs is not installed: the operator has to report collisions",
-                "press the space bar at a contact, or source a distribution that has ros-<distro>-irobot-create-msgs",
-            )
-        elif names.hazards and not self._publishers(names.hazards):
-            seen = "no node publishes it: the operator has to report collisions"
-            advice = "uncomment hazard_detection in the republisher.yaml of the robot"
-            yield CheckResult(names.hazards, Health.WARNING, seen, advice)
         if dock.fault is not None:
             yield CheckResult("dock", Health.FAILED, dock.fault.statement, dock.advice)
         elif dock.is_docked is not None:
@@ -135,7 +125,7 @@ class Ros2Checkup(RosCheckup):
 
     def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:
         name, graph = self.names.discrete_move, self.listener.graph
-        start = f"vsnbench robots serve {self.profile.name}"
+        start = f"vsnbench robots serve {self.profile.argument}"
         if graph.subscribers(f"{name}/question"):
             yield self._server_result(name, f"restart it: {start}")
             return
@@ -166,6 +156,9 @@ class Ros2Checkup(RosCheckup):
     def _publishers(self, topic: str) -> Sequence[str]:
         return [publisher.node for publisher in self.listener.graph.publishers(topic)]
 
+    def _types_of(self, topic: str) -> frozenset[str]:
+        return frozenset(publisher.type_name for publisher in self.listener.graph.publishers(topic))
+
     def _has_type(self, topic: str, kind: str) -> bool:
         return type_fault(topic, kind, self.listener.graph.publishers(topic)) is None
 
@@ -176,7 +169,8 @@ class Ros2Checkup(RosCheckup):
         if (fault := type_fault(topic, kind, publishers)) is not None:
             return CheckResult(topic, bad, fault.statement, fault.advice)
         if len(senders) > 1:
-            advice = "end one of them, or set the robot's namespace (--robot NAME@NAMESPACE)"
+            robot = self.profile.given_in("NAMESPACE")
+            advice = f"end one of them, or set the robot's namespace (--robot {robot})"
             return CheckResult(topic, Health.FAILED, f"{' and '.join(sorted(senders))} both publish it", advice)
         if other := hash_fault(topic, ours, publishers):
             advice = "install the distribution of the robot: messages of others may not be readable"
@@ -213,6 +207,23 @@ class _TurnTest(TurnTest):
     def __init__(self, link: RobotLink, profile: RobotProfile) -> None:
         self._link = link
         self._profile = profile
+
+    @property
+    def now_s(self) -> float:
+        """Time on the monotonic clock."""
+        return time.monotonic()
+
+    def steer(self, command: Command) -> None:
+        """Command a velocity."""
+        self._link.command(command)
+
+    def latest(self) -> Sequence[OdometryReading]:
+        """Return the newest readings of the odometry, oldest first."""
+        return self._link.snapshot().readings
+
+    def hazard(self) -> str:
+        """Return the active hazard sensors, or an empty string."""
+        return ", ".join(sorted({hazard.value for hazard, _ in self._link.snapshot().active_hazards}))
 
     def turn(self, movement: str, angle_deg: int) -> Turn:
         """Turn the robot.
@@ -260,7 +271,7 @@ def stored_watchdog_result(profile: RobotProfile, *, simulated: bool) -> CheckRe
     measurement = stored_measurement(profile, simulated=simulated)
     if measurement is None:
         seen = "not measured on this machine: vsnbench run will not steer the base"
-        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {robot_option(profile)} --move")
+        return CheckResult("watchdog", Health.WARNING, seen, f"vsnbench doctor --robot {profile.argument} --move")
     result = watchdog_result(measurement, profile)
     seen = f"{result.seen} ({measurement.measured_at:%Y-%m-%d})"
     return CheckResult(result.what, result.health, seen, result.advice)

@@ -29,7 +29,7 @@ def await_account(link: RobotLink, profile: RobotProfile, patience: Patience) ->
     if account.profile_sha256 != profile.sha256:
         raise RobotError(
             f"the simulator simulates another robot than {profile.name}, by the content of its profile",
-            advice=f"start it with the profile of the run: vsnbench robots simulate {profile.name}",
+            advice=f"start it with the profile of the run: vsnbench robots simulate {profile.argument}",
             code="other-simulated-robot",
         )
     return account

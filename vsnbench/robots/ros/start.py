@@ -160,5 +160,6 @@ def present(now: RobotSnapshot) -> MotionEnd:
 def _wait(link: RobotLink, condition: Callable[[RobotSnapshot], bool], timeout_s: float, what: str) -> None:
     if not link.wait_for(condition, timeout_s):
         raise SensorLostError(
-            f"no message of {what} for {timeout_s:g} s", advice="run `vsnbench doctor` to find the silent part"
+            f"no message of {what} for {timeout_s:g} s",
+            advice=f"find the silent part: vsnbench doctor --robot {link.profile.argument}",
         )

@@ -83,7 +83,7 @@ def measure_watchdog(link: RobotLink, profile: RobotProfile) -> WatchdogMeasurem
         raise RobotError(
             f"the profile states command_timeout_s: {stated_s:g}; a base that is steered over a network must stop "
             f"within {_LONGEST_S:g} s",
-            advice=f"start on the robot: vsnbench robots serve {profile.name}",
+            advice=f"start on the robot: vsnbench robots serve {profile.argument}",
             code="watchdog-too-slow",
         )
     allowed_s = stated_s + _ALLOWED_S + 2 / profile.base.odometry_rate_hz
@@ -202,11 +202,5 @@ def _file(profile: RobotProfile, *, simulated: bool) -> Path:
 
 def watchdog_advice(profile: RobotProfile) -> str:
     """Return the commands that measure the watchdog, or do without."""
-    name = robot_option(profile)
-    return f"run vsnbench doctor --robot {name} --move; or on the robot: vsnbench robots serve {name}"
-
-
-def robot_option(profile: RobotProfile) -> str:
-    """Return the name of a robot on the command line, with its namespace."""
-    namespace = getattr(profile.interface, "namespace", "")
-    return f"{profile.name}@{namespace}" if namespace else profile.name
+    robot = profile.argument
+    return f"run vsnbench doctor --robot {robot} --move; or on the robot: vsnbench robots serve {robot}"

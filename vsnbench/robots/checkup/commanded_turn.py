@@ -1,0 +1,89 @@
+"""Turns a base on the spot by velocities, and records its odometry; the base is at rest afterwards."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.errors import RobotError
+from vsnbench.robots.checkup.response import CommandedTurn, response_results
+from vsnbench.robots.checkup.result import CheckResult
+from vsnbench.sensing.odometry.odometry import OdometryReading
+from vsnbench.values.robot_profile import RobotProfile
+
+_PERIOD_S = 0.02
+_TURN_RAD_S, _TURN_S = 0.3, 1.0
+_STAIRS_RAD_S = (0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.25)
+_STAIR_S, _STAIR_READINGS = 0.5, 8
+"""Shortest time of a stage, and the number of readings that it should have."""
+_REST_S = 0.8
+_SILENT_S = 1.0
+_LAST_COMMANDS = 3
+"""Number of final zero velocities: a network may lose one."""
+
+
+class SteeredBase(ABC):
+    """A base that this process steers for a check-up."""
+
+    @property
+    @abstractmethod
+    def now_s(self) -> float:
+        """Time on the clock of the arrivals of `latest`."""
+
+    @abstractmethod
+    def steer(self, command: Command) -> None:
+        """Command a velocity."""
+
+    @abstractmethod
+    def latest(self) -> Sequence[OdometryReading]:
+        """Return the newest readings of the odometry, oldest first."""
+
+    @abstractmethod
+    def hazard(self) -> str:
+        """Return the active hazard sensors, or an empty string."""
+
+
+def turn_response_results(base: SteeredBase, profile: RobotProfile) -> Iterator[CheckResult]:
+    """Turn to the left at one velocity and back in stages; report the response of the base.
+
+    Raises:
+        RobotError: a hazard sensor is active, or the odometry is silent.
+    """
+    fastest = min(profile.speeds.angular_rad_s, profile.base.max_angular_rad_s)
+    stair_s = max(_STAIR_S, _STAIR_READINGS / profile.base.odometry_rate_hz)
+    turn = record_turn(base, [(min(_TURN_RAD_S, fastest), _TURN_S)])
+    stairs = record_turn(base, [(-velocity, stair_s) for velocity in _STAIRS_RAD_S if velocity <= fastest])
+    yield from response_results(profile, turn, stairs)
+
+
+def record_turn(base: SteeredBase, stages: Sequence[tuple[float, float]]) -> CommandedTurn:
+    """Turn a base through stages of velocity (rad/s) and duration (s), and let it come to rest.
+
+    Raises:
+        RobotError: a hazard sensor is active, or the odometry is silent.
+    """
+    commands: list[tuple[float, float]] = []
+    readings: dict[float, OdometryReading] = {}
+    began_s = base.now_s
+    try:
+        for velocity, lasting_s in (*stages, (0.0, _REST_S)):
+            until_s = base.now_s + lasting_s
+            while base.now_s < until_s:
+                _check(base, readings, began_s)
+                commands.append((base.now_s, velocity))
+                base.steer(Command(angular_rad_s=velocity))
+                time.sleep(_PERIOD_S)
+                readings |= {reading.stamp_s: reading for reading in base.latest()}
+    finally:
+        for _ in range(_LAST_COMMANDS):
+            base.steer(STANDSTILL)
+            time.sleep(_PERIOD_S)
+    return CommandedTurn(tuple(commands), tuple(readings[stamp_s] for stamp_s in sorted(readings)))
+
+
+def _check(base: SteeredBase, readings: dict[float, OdometryReading], began_s: float) -> None:
+    if hazard := base.hazard():
+        raise RobotError(f"{hazard} while the base turned", advice="free the robot first", code="hazard")
+    heard_s = max((reading.arrival_s for reading in list(readings.values())[-3:]), default=began_s)
+    if base.now_s - heard_s > _SILENT_S:
+        raise RobotError("the odometry is silent", advice="start the driver of the base", code="no-odometry")

@@ -1,0 +1,156 @@
+"""Checks of what a base can do, by its response to commanded turns; pure."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from vsnbench.control.response import BaseResponse, measured_response
+from vsnbench.control.settings import MotionSettings
+from vsnbench.control.standstill import BOUND_ERRORS
+from vsnbench.robots.checkup.odometry import smallest_allowed, tolerances_line
+from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryReading
+from vsnbench.values.action import Action
+from vsnbench.values.robot_profile import RobotProfile
+
+_LEAST_RAD = math.radians(8)
+"""Smallest turn that shows the response of a base."""
+_LONGEST_DELAY_S = 0.5
+"""A base with a longer delay is taken for one that does not follow its commands."""
+_FOLLOWED_SHARE = 0.5
+"""A base follows a velocity if it turns with at least this share of it."""
+_LOW_RATE = 0.8
+_FEWEST = 4
+
+
+@dataclass(frozen=True, slots=True)
+class CommandedTurn:
+    """Commands of turns on the spot, and the odometry meanwhile.
+
+    Attributes:
+        commands: time on the clock of this process and velocity (rad/s) of each command; the last one is zero.
+        readings: odometry from before the first command until the base is at rest again.
+    """
+
+    commands: tuple[tuple[float, float], ...]
+    readings: tuple[OdometryReading, ...]
+
+    @property
+    def headings(self) -> list[tuple[float, float]]:
+        """Time of measurement on the clock of this process, and heading in radians, of each reading, unwrapped."""
+        clock = ClockOffset()
+        for reading in self.readings:
+            clock.add(reading.stamp_s, reading.arrival_s)
+        headings_rad = np.unwrap([reading.pose.heading_rad for reading in self.readings])
+        return [
+            (clock.to_local(reading.stamp_s), float(heading_rad))
+            for reading, heading_rad in zip(self.readings, headings_rad, strict=True)
+        ]
+
+
+def response_of(turn: CommandedTurn) -> BaseResponse | None:
+    """Return the dead time and motor lag of a base; None if the turn does not fit its commands."""
+    headings = turn.headings
+    covered = [(at_s, heading_rad - headings[0][1]) for at_s, heading_rad in headings]
+    return measured_response(turn.commands, covered, _LEAST_RAD)
+
+
+def rate_of_new_values(turn: CommandedTurn) -> float:
+    """Return how often the heading changed per second while the base turned; 0 if it hardly changed.
+
+    A driver that repeats its last value sends more messages than it measures.
+    """
+    changes = [at_s for (_, before), (at_s, after) in pairwise(turn.headings) if after != before]
+    moving = [at_s for at_s in changes if turn.commands[0][0] < at_s <= turn.commands[-1][0]]
+    return (len(moving) - 1) / (moving[-1] - moving[0]) if len(moving) > _FEWEST else 0.0
+
+
+def slowest_turn(stairs: CommandedTurn, delay_s: float) -> float | None:
+    """Return the slowest commanded velocity (rad/s) that the base followed, with all faster ones; None for none.
+
+    Args:
+        stairs: turn in stages, each with one velocity.
+        delay_s: delay of the odometry behind the commands.
+    """
+    slowest = None
+    for begin_s, end_s, velocity in reversed(_stages(stairs.commands)):
+        window = [(t, rad) for t, rad in stairs.headings if begin_s + delay_s < t <= end_s + delay_s]
+        if len(window) < _FEWEST or not _follows(window, velocity):
+            break
+        slowest = abs(velocity)
+    return slowest
+
+
+def response_results(profile: RobotProfile, turn: CommandedTurn, stairs: CommandedTurn) -> Iterator[CheckResult]:
+    """Report the rate of new odometry, the response and the slowest turn, with what the profile should state.
+
+    Args:
+        profile: profile of the robot.
+        turn: turn with one velocity.
+        stairs: turn in stages of rising velocity.
+    """
+    settings, wanted_hz = MotionSettings.for_robot(profile), profile.base.odometry_rate_hz
+    rate_hz = rate_of_new_values(turn)
+    if 0 < rate_hz < _LOW_RATE * wanted_hz:
+        seen = f"{rate_hz:.1f} new values per second; the profile has {wanted_hz:g} Hz"
+        advice = f"put the measured rate into the profile: base: {{odometry_rate_hz: {max(round(rate_hz), 1)}}}"
+        yield CheckResult("odometry rate", Health.WARNING, seen, advice)
+    response = response_of(turn)
+    if response is None:
+        advice = "check for slipping wheels, and that no other node steers; movements will need corrections"
+        yield CheckResult("response", Health.WARNING, "the turn does not fit its commands", advice)
+    else:
+        yield _delay_result(profile, response)
+    yield _slowest_result(settings, slowest_turn(stairs, 0.0 if response is None else response.delay_s), stairs)
+
+
+def _delay_result(profile: RobotProfile, response: BaseResponse) -> CheckResult:
+    seen = f"dead time {response.dead_time_s * 1000:.0f} ms, motor lag {response.lag_s * 1000:.0f} ms"
+    if response.delay_s <= _LONGEST_DELAY_S:
+        return CheckResult("response", Health.OK, seen)
+    seen = f"{seen}: movements of a base with more than {_LONGEST_DELAY_S:g} s end as not followed"
+    advice = f"run the control loop next to the base: vsnbench robots serve {profile.argument}"
+    return CheckResult("response", Health.FAILED, seen, advice)
+
+
+def _slowest_result(settings: MotionSettings, slowest_rad_s: float | None, stairs: CommandedTurn) -> CheckResult:
+    if slowest_rad_s is None:
+        fastest = max(abs(velocity) for _, velocity in stairs.commands)
+        seen = f"the base follows no turn up to {fastest:g} rad/s"
+        advice = "check that it is off its dock, and its motors are on; a deadband in its driver must be lower"
+        return CheckResult("slowest turn", Health.FAILED, seen, advice)
+    # A correction lasts at least one control period, and can leave half of what the base turns in it.
+    left_rad, tolerance_rad = 0.5 * slowest_rad_s * settings.control_period_s, settings.tolerance(Action.TURN_LEFT)
+    seen = f"the base follows {slowest_rad_s:g} rad/s"
+    if left_rad <= tolerance_rad:
+        return CheckResult("slowest turn", Health.OK, seen)
+    seen = f"{seen}, nothing slower: corrections can leave {math.degrees(left_rad):.2g}°, more than the tolerance"
+    turn_deg = smallest_allowed(lambda deg: math.radians(deg) >= left_rad, 10.0)
+    lines = tolerances_line(settings.position_tolerance_m, turn_deg)
+    advice = f"lower the deadband in the driver of the base, or {lines}"
+    return CheckResult("slowest turn", Health.WARNING, seen, advice)
+
+
+def _stages(commands: Sequence[tuple[float, float]]) -> list[tuple[float, float, float]]:
+    """Return begin, end and velocity of each stage but standstill, in order."""
+    stages: list[tuple[float, float, float]] = []
+    for (at_s, velocity), (next_s, _) in pairwise(commands):
+        if stages and stages[-1][2] == velocity:
+            stages[-1] = (stages[-1][0], next_s, velocity)
+        elif velocity:
+            stages.append((at_s, next_s, velocity))
+    return stages
+
+
+def _follows(window: Sequence[tuple[float, float]], velocity: float) -> bool:
+    """Return whether readings turn with a velocity, beyond their noise."""
+    times_s, headings_rad = np.array([t for t, _ in window]), np.array([rad for _, rad in window])
+    times_s = times_s - times_s.mean()
+    squares = float(times_s @ times_s)
+    slope = float(times_s @ headings_rad) / squares
+    rest = headings_rad - headings_rad.mean() - slope * times_s
+    error = math.sqrt(float(rest @ rest) / (len(window) - 2) / squares)
+    return slope * math.copysign(1, velocity) > max(_FOLLOWED_SHARE * abs(velocity), BOUND_ERRORS * error)
