@@ -30,7 +30,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "blind_camera.py"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """Expected effect of a fault of the depth camera over ROS."""
+    """Expected effect of a fault of the camera over ROS."""
 
     moves: int
     """Number of movements that may pass before it is detected."""
@@ -40,7 +40,9 @@ class Ending:
 
 ENDINGS = {
     "nan": Ending(0, "the depth camera stays blind"),
-    "frozen": Ending(1, "the camera is frozen"),
+    "frozen": Ending(1, "the depth image has not changed"),
+    "frozen colour": Ending(1, "the colour image has not changed"),
+    "left half": Ending(12, "the left half of the depth image is always invalid"),
     "millimetres": Ending(0, "32FC1 is in metres"),
     "ahead": Ending(0, "s ahead of the odometry"),
 }
@@ -99,8 +101,9 @@ class ForwardOnly(Policy):
 
     def act(self, observation: Observation) -> Decision:
         """Return the action."""
-        refused = self._before == observation.pose
-        self._before = observation.pose
+        before, self._before = self._before, observation.pose
+        refused = before is not None and before.distance_to(observation.pose) < 0.01
+        refused = refused and abs(before.heading_rad - observation.pose.heading_rad) < 0.02
         return Decision(Action.TURN_LEFT if self.turns and refused else Action.MOVE_FORWARD)
 
 
