@@ -203,6 +203,11 @@ def _calibration_result(
     assert isinstance(calibration, Intrinsics)  # noqa: S101  # rectifier_of raises errors
     fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), profile.camera.horizontal_fov_deg
     moved = f"; images are rectified, by {rectifier.moved_px:.0f} px at most" if rectifier.resamples else ""
+    if calibration.is_fisheye and fov_deg > wanted_deg:
+        seen = (
+            f"fisheye lens with a field of view of {fov_deg:.1f}°; images are cropped to the profile's {wanted_deg:g}°"
+        )
+        return CheckResult(info, Health.OK, seen)
     if abs(fov_deg - wanted_deg) > FOV_SHARE * wanted_deg:
         return CheckResult(
             info,
