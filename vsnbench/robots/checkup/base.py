@@ -13,6 +13,7 @@ from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_re
 from vsnbench.robots.checkup.images import image_results, image_type, turned_results
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.robots.ros.image_timing import rate_needed_hz
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
 from vsnbench.ros_common.odometry import OdometryReader
@@ -233,7 +234,8 @@ class RosCheckup(ABC):
             elif (fault := self._topic_fault(topic, kind, bad)) is not None:
                 yield fault
             elif topic in rates and messages.arrivals:
-                yield rate_result(topic, self._described(topic, kind), messages, rates[topic])
+                needed_hz = 0.0 if topic == names.odometry_topic else rate_needed_hz(names, topic)
+                yield rate_result(topic, self._described(topic, kind), messages, rates[topic], needed_hz)
             elif messages.arrivals or (topic not in rates and self.has_event_topics):
                 yield CheckResult(topic, Health.OK, kind)
             else:
