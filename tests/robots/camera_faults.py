@@ -1,12 +1,13 @@
 """What `doctor` says of a camera with a frozen image, missing depth, few or late images; for ROS 1 and ROS 2."""
 
+import re
 from collections.abc import Callable
 
 from tests.robots.client import Client, ClientError
 
 Checks = dict[str, tuple[str, str]]
 """Health and finding by check."""
-COLOR, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
+DEPTH = "/camera/depth/image_raw"
 
 
 def require_frozen_half(found: Checks) -> None:
@@ -19,19 +20,14 @@ def require_frozen_half(found: Checks) -> None:
         assert "the left half of the depth image is always invalid" in seen
 
 
-def require_slow(found: Checks) -> None:
-    """Require the findings about one image per second: five images within 3.17 s need 1.6 Hz."""
+def require_slow_and_late(found: Checks) -> None:
+    """Require the findings about one image per second, 0.3 s after its stamp: five within 3.17 s need 1.6 Hz."""
     health, seen = found[DEPTH]
     assert health == "failed"
     assert "an observation needs 1.6 Hz" in seen
-    assert found["clocks"][0] == "ok"
-
-
-def require_late(found: Checks) -> None:
-    """Require the findings about images that arrive 0.3 s after their stamps."""
     health, seen = found["delay"]
     assert health == "warning"
-    assert " arrives 0.3" in seen
+    assert re.search(r" arrives 0\.[3-9]\d s after its stamps", seen)
     assert "clocks" not in found
     assert "stamps" not in found
 

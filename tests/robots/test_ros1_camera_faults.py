@@ -3,7 +3,7 @@
 import pytest
 
 from tests.processes import wait_until
-from tests.robots.camera_faults import require_frozen_half, require_late, require_slow, require_slow_camera_ends
+from tests.robots.camera_faults import require_frozen_half, require_slow_and_late, require_slow_camera_ends
 from tests.robots.fault_table import checks_of
 from tests.robots.ros1_rig import PROFILE, live_rig
 
@@ -18,9 +18,8 @@ def test_faults_of_a_camera_are_told_apart(tmp_path) -> None:
             return checks_of(rig.network.start("-m", "vsnbench.cli.main", "doctor", *where, *words))
 
         require_slow_camera_ends(rig.client, lambda: rig.fault("camera", "slow"))
-        require_slow(doctor())
-        rig.fault("camera", "late")
-        require_late(doctor())
+        rig.fault("camera", "slow+late")
+        require_slow_and_late(doctor())
         rig.fault("camera", "frozen+half")
         rig.client.close()  # one node steers a robot
         wait_until(lambda: not rig.network.master.live_node("/vsnbench"), "the client has left")
