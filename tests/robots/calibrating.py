@@ -82,7 +82,7 @@ def crops_the_view_from_a_fisheye_lens(environment: Mapping[str, str], path: Pat
     found = doctor(environment, path, kind, fov_deg=90, depth_info="/camera/fisheye/camera_info")
     health, seen = found["/camera/fisheye/camera_info"]
     assert health == "ok"
-    assert f"fisheye lens, field of view {FISHEYE_FOV_DEG:.1f}°" in seen
+    assert f"field of view of {FISHEYE_FOV_DEG:.1f}°; images are cropped to the profile's 90°" in seen
 
 
 def survives_an_unnamed_compressed_topic(environment: Mapping[str, str], path: Path, kind: str) -> None:

@@ -61,6 +61,22 @@ def test_missing_images_have_a_true_reason(now: RobotSnapshot, code: str, says: 
     assert says in lost.statement
 
 
+@pytest.mark.parametrize(("rate_hz", "since_s", "count", "says"), [(1.0, 0.1, 4, "1.0 Hz"), (0.4, 0.9, 1, "0.6 Hz")])
+def test_images_from_before_the_camera_became_slow_do_not_count_as_its_rate(
+    rate_hz: float, since_s: float, count: int, says: str
+) -> None:
+    """Of a single image since then, only an upper limit of the rate is known."""
+    now = reports(rate_hz, since_s=since_s)
+    fast = images(30.0, 0.02, 3.4, 12 - count)
+    lost = missing_images(NAMES, replace(now, depths=(*fast, *now.depths[-count:])), NOW_S)
+    assert lost.code == "slow-camera"
+    assert f"has {says}" in lost.statement
+
+
+def test_a_camera_slower_than_the_wait_is_slow() -> None:
+    assert missing_images(NAMES, reports(0.2, since_s=4.0), NOW_S).code == "slow-camera"
+
+
 def test_the_rate_that_an_observation_needs_grows_with_the_delay() -> None:
     assert rate_needed_hz(NAMES, NAMES.depth) == pytest.approx(3.0)
     assert rate_needed_hz(NAMES, NAMES.color) == pytest.approx(0.3)

@@ -73,7 +73,7 @@ def missing_images(names: RosInterface, now: RobotSnapshot, now_s: float) -> Sen
             f"no image on {' and '.join(silent)} for {since_s:.0f} s", advice="check the camera driver", code="no-image"
         )
     for topic, images in received.items():
-        if fault := _timing_fault(names, topic, images, now):
+        if fault := _timing_fault(names, topic, images, now, now_s):
             return fault
     return SensorLostError(
         f"no images on {' and '.join(received)} within {waited_s:.1f} s that are stamped after the motion, colour "
@@ -95,10 +95,14 @@ def _is_silent(images: Sequence[Stamped[Any]], now_s: float) -> bool:
 
 
 def _timing_fault(
-    names: RosInterface, topic: str, images: Sequence[Stamped[Any]], now: RobotSnapshot
+    names: RosInterface, topic: str, images: Sequence[Stamped[Any]], now: RobotSnapshot, now_s: float
 ) -> SensorLostError | None:
     """Return whether the stamps are of another clock, the images late, or the camera slow."""
-    count, waited_s, rate_hz = frames_needed(names, topic), observation_timeout_s(names), _rate_hz(images)
+    count, waited_s = frames_needed(names, topic), observation_timeout_s(names)
+    recent = [image for image in images if now_s - image.arrival_s <= waited_s]
+    rate_hz = _rate_hz(recent)
+    if len(recent) < len(images):  # no recent one was dropped: their number limits the rate, too
+        rate_hz = min(rate_hz, (len(recent) + 1) / waited_s)
     delay_s = min(odometry_time_s(now, image.arrival_s) - image.stamp_s for image in images)
     if not not_ahead(images[-1:], now) or _LONGEST_DELAY_S < delay_s < math.inf:
         side, code = ("ahead of", "images-ahead") if delay_s < 0 else ("behind", "no-matching-images")
