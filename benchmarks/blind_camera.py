@@ -1,9 +1,9 @@
-"""Counts collisions, refusals and end reasons of a robot with a faulty depth camera.
+"""Counts collisions, refusals and end reasons of a robot with a faulty camera.
 
 A model that always chooses MOVE_FORWARD drives up to 25 actions from each of 8 starts of the apartment, once for each
-state of the depth camera. In simulation, the script changes the observation. Over ROS, the node that simulates the
-robot (`tests/robots/nodes/faulty_robot.py`) publishes faulty images. Set ROS_DOMAIN_ID or ROS_MASTER_URI to an unused
-network.
+state of the camera. Where half of the depth is missing, it turns after each refusal. In simulation, the script changes
+the observation. Over ROS, the node that simulates the robot (`tests/robots/nodes/faulty_robot.py`) publishes faulty
+images. Set ROS_DOMAIN_ID or ROS_MASTER_URI to an unused network.
 
     python benchmarks/blind_camera.py simulation
     python benchmarks/blind_camera.py ros2 --fault nan --fault frozen
@@ -18,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.robots.blind_camera import FAULTS, NODE, Counts, FaultyRobot, drive
+from tests.robots.blind_camera import FAULTS, NODE, Counts, FaultyRobot, ForwardOnly, drive
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.registry import open_robot
@@ -55,6 +55,11 @@ class FaultyNode:
         self._process.wait(PATIENCE_S)
 
 
+def model_for(fault: str) -> ForwardOnly:
+    """Return the model; only turns tell a fault of half of the image from an obstacle."""
+    return ForwardOnly(turns=fault == "left half")
+
+
 def over_ros(where: str, faults: Sequence[str], starts: Sequence[int], actions: int) -> Iterator[tuple[str, Counts]]:
     """Drive a simulated robot over ROS. Its camera works while the robot is placed at a start."""
     site, node = load_site("apartment"), FaultyNode(where, ROBOTS[where])
@@ -70,7 +75,7 @@ def over_ros(where: str, faults: Sequence[str], starts: Sequence[int], actions: 
                 counts = Counts()
                 for start in starts:
                     node.set_fault("right")
-                    counts += drive(robot, site, [start], actions, begin_fault)
+                    counts += drive(robot, site, [start], actions, begin_fault, model_for(fault))
                 yield fault, counts
     finally:
         node.close()
@@ -81,7 +86,7 @@ def simulated(faults: Sequence[str], starts: Sequence[int], actions: int) -> Ite
     site = load_site("apartment")
     robot = FaultyRobot(site, load_profile(ROBOTS["simulation"]))
     for robot.fault in faults:
-        yield robot.fault, drive(robot, site, starts, actions)
+        yield robot.fault, drive(robot, site, starts, actions, policy=model_for(robot.fault))
 
 
 def main() -> None:

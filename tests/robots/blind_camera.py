@@ -1,4 +1,4 @@
-"""A robot with a faulty depth camera, a model that only drives forward, and counts of the results."""
+"""A robot with a faulty camera, a model that turns only after refusals, and counts of the results."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -19,9 +19,10 @@ from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
-from vsnbench.values.observation import Observation
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
 
-FAULTS = ("right", "nan", "frozen", "millimetres", "holes", "minimum range")
+FAULTS = ("right", "nan", "frozen", "frozen colour", "left half", "millimetres", "holes", "minimum range")
 MINIMUM_RANGE_M = 0.6
 NODE = Path(__file__).parent / "nodes" / "faulty_robot.py"
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "blind_camera.py"
@@ -29,7 +30,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "blind_camera.py"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """Expected effect of a fault of the depth camera over ROS."""
+    """Expected effect of a fault of the camera over ROS."""
 
     moves: int
     """Number of movements that may pass before it is detected."""
@@ -39,7 +40,9 @@ class Ending:
 
 ENDINGS = {
     "nan": Ending(0, "the depth camera stays blind"),
-    "frozen": Ending(1, "the camera is frozen"),
+    "frozen": Ending(1, "the depth image has not changed"),
+    "frozen colour": Ending(1, "the colour image has not changed"),
+    "left half": Ending(12, "the left half of the depth image is always invalid"),
     "millimetres": Ending(0, "32FC1 is in metres"),
     "ahead": Ending(0, "s ahead of the odometry"),
 }
@@ -56,6 +59,7 @@ class FaultyRobot(SimulatedRobot):
         super().begin(start, seed)
         self._rng = np.random.default_rng(self.seed)
         self._frozen: np.ndarray | None = None
+        self._frozen_rgb: np.ndarray | None = None
 
     def observe(self) -> Observation:
         """Return the camera's depth image."""
@@ -68,6 +72,12 @@ class FaultyRobot(SimulatedRobot):
         elif self.fault == "frozen":
             self._frozen = depth_m if self._frozen is None else self._frozen
             depth_m = self._frozen.copy()
+        elif self.fault == "frozen colour":
+            self._frozen_rgb = seen.rgb if self._frozen_rgb is None else self._frozen_rgb
+            seen = replace(seen, rgb=self._frozen_rgb.copy())
+        elif self.fault == "left half":
+            depth_m = depth_m.copy()
+            depth_m[:, : depth_m.shape[1] // 2] = invalid
         elif self.fault == "millimetres":
             depth_m = depth_m * np.float32(1000)
         elif self.fault == "holes":
@@ -78,16 +88,23 @@ class FaultyRobot(SimulatedRobot):
 
 
 class ForwardOnly(Policy):
-    """A model that chooses nothing but MOVE_FORWARD."""
+    """A model that chooses MOVE_FORWARD, and with `turns` TURN_LEFT where it has not moved since the last look."""
 
-    card = ModelCard("forward only")
+    card = ModelCard("forward only", sensors=frozenset({Sensor.ODOMETRY}))
+
+    def __init__(self, *, turns: bool = False) -> None:
+        self.turns = turns
 
     def reset(self, goal: str, seed: int) -> None:
-        """Forget nothing."""
+        """Forget the last look."""
+        self._before: Pose | None = None
 
-    def act(self, _observation: Observation) -> Decision:
-        """Return MOVE_FORWARD."""
-        return Decision(Action.MOVE_FORWARD)
+    def act(self, observation: Observation) -> Decision:
+        """Return the action."""
+        before, self._before = self._before, observation.pose
+        refused = before is not None and before.distance_to(observation.pose) < 0.01
+        refused = refused and abs(before.heading_rad - observation.pose.heading_rad) < 0.02
+        return Decision(Action.TURN_LEFT if self.turns and refused else Action.MOVE_FORWARD)
 
 
 @dataclass
@@ -157,12 +174,17 @@ class Counts:
 
 
 def drive(
-    robot: Robot, site: Site, starts: Iterable[int], actions: int, on_begin: Callable[[], None] = lambda: None
+    robot: Robot,
+    site: Site,
+    starts: Iterable[int],
+    actions: int,
+    on_begin: Callable[[], None] = lambda: None,
+    policy: Policy | None = None,
 ) -> Counts:
     """Run an episode from each start and count the results; call `on_begin` when the robot is placed."""
     counts, parameters = Counts(on_begin), ProtocolParameters(max_actions=actions)
     for number in starts:
         plan = EpisodePlan(site, "chair", site.start(number), 1, parameters)
         with StopRequests() as stop:
-            run_episode(robot, ForwardOnly(), plan, counts, NOBODY, stop)
+            run_episode(robot, policy or ForwardOnly(), plan, counts, NOBODY, stop)
     return counts

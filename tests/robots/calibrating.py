@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.docs.json_outputs import faults
-from tests.robots.floor_images import FOV_DEG, HEIGHT_M, ROLL_DEG, TILT_DEG, write_profile
+from tests.robots.floor_images import FISHEYE_FOV_DEG, FOV_DEG, HEIGHT_M, ROLL_DEG, TILT_DEG, write_profile
 from vsnbench.robots.profiles import load_profile
 
 Typed = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -76,6 +76,13 @@ def names_a_contradiction(environment: Mapping[str, str], path: Path, kind: str)
     found = doctor(environment, path, kind, fov_deg=80)
     assert found["/camera/color/camera_info"][0] == "failed"
     assert "58.0°, the profile 80°" in found["/camera/color/camera_info"][1]
+
+
+def crops_the_view_from_a_fisheye_lens(environment: Mapping[str, str], path: Path, kind: str) -> None:
+    found = doctor(environment, path, kind, fov_deg=90, depth_info="/camera/fisheye/camera_info")
+    health, seen = found["/camera/fisheye/camera_info"]
+    assert health == "ok"
+    assert f"field of view of {FISHEYE_FOV_DEG:.1f}°; images are cropped to the profile's 90°" in seen
 
 
 def survives_an_unnamed_compressed_topic(environment: Mapping[str, str], path: Path, kind: str) -> None:

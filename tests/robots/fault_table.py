@@ -62,12 +62,18 @@ def held(second: Attempt) -> str:
     return f"none: {second.why}; the other publisher moved the base {second.moved_m * 100:.1f} cm"
 
 
-def complaints(doctor: Process, healthy: frozenset[str] = frozenset()) -> dict[str, str]:
-    """Wait for `doctor --json`; return the failed checks, without those of the healthy robot."""
+def checks_of(doctor: Process) -> dict[str, tuple[str, str]]:
+    """Wait for `doctor --json`; return health and finding of each check."""
     doctor.wait(120)
     start = doctor.output.index("{\n")
     checks = json.JSONDecoder().raw_decode(doctor.output[start:])[0]["checks"]
-    return {c["what"]: c["seen"] for c in checks if c["health"] != "ok" and c["what"] not in healthy}
+    return {check["what"]: (check["health"], check["seen"]) for check in checks}
+
+
+def complaints(doctor: Process, healthy: frozenset[str] = frozenset()) -> dict[str, str]:
+    """Wait for `doctor --json`; return the failed checks, without those of the healthy robot."""
+    found = checks_of(doctor)
+    return {what: seen for what, (health, seen) in found.items() if health != "ok" and what not in healthy}
 
 
 def doctor_text(found: dict[str, str]) -> str:

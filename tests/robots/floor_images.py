@@ -16,6 +16,10 @@ HEIGHT_M, TILT_DEG, ROLL_DEG, FOV_DEG = 0.50, -5.0, 3.0, 58.0
 FOCAL_PX = WIDTH / 2 / math.tan(math.radians(FOV_DEG / 2))
 LENS = Intrinsics(WIDTH, HEIGHT, FOCAL_PX, FOCAL_PX, 84.0, 57.0, (0.08, -0.1, 0.0, 0.0, 0.0), "plumb_bob")
 K = [FOCAL_PX, 0.0, 84.0, 0.0, FOCAL_PX, 57.0, 0.0, 0.0, 1.0]
+FISHEYE_FOV_DEG = 150.0
+FISHEYE_FOCAL_PX = WIDTH / 2 / math.radians(FISHEYE_FOV_DEG / 2)
+FISHEYE_K = [FISHEYE_FOCAL_PX, 0.0, 79.5, 0.0, FISHEYE_FOCAL_PX, 59.5, 0.0, 0.0, 1.0]
+"""An ideal equidistant lens: radius is focal length times angle, without coefficients."""
 PROFILE = """\
 # of the tests
 name: floor-base

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.robots.blind_camera import FaultyRobot, drive
+from tests.robots.blind_camera import FaultyRobot, ForwardOnly, drive
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.site import load_site
 
@@ -28,6 +28,7 @@ def robot() -> FaultyRobot:
         ("minimum range", range(10, 60), {"step_limit": 2, "sensor_lost": 1}),
         ("nan", range(1), {"sensor_lost": 3}),
         ("frozen", range(1, 4), {"sensor_lost": 2, "step_limit": 1}),
+        ("frozen colour", range(1, 4), {"sensor_lost": 2, "step_limit": 1}),
         ("millimetres", range(1), {"sensor_lost": 3}),
     ],
 )
@@ -46,3 +47,15 @@ def test_a_camera_with_holes_refuses_the_same_moves_as_a_good_one(robot: FaultyR
     right, holes = counts
     assert right.refused == holes.refused
     assert set(right.refused) == {"obstacle"}
+
+
+def test_a_camera_without_half_of_its_depth_is_lost_once_the_robot_has_turned(robot: FaultyRobot) -> None:
+    """A robot that never turns may be in front of a glass door."""
+    robot.fault = "left half"
+    assert drive(robot, APARTMENT, STARTS, 25).ends == {"step_limit": 3}
+    turning = drive(robot, APARTMENT, STARTS, 25, policy=ForwardOnly(turns=True))
+    assert turning.ends == {"sensor_lost": 3}
+    assert turning.collisions == 0
+    assert turning.words.startswith("the left half of the depth image is always invalid")
+    robot.fault = "right"
+    assert drive(robot, APARTMENT, STARTS, 60, policy=ForwardOnly(turns=True)).ends == {"step_limit": 3}

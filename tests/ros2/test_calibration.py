@@ -35,6 +35,7 @@ def test_a_failed_measurement_over_ros2_is_an_error_of_one_line(graph: Graph2, t
     [
         calibrating.finds_the_camera_askew,
         calibrating.names_a_contradiction,
+        calibrating.crops_the_view_from_a_fisheye_lens,
         calibrating.survives_an_unnamed_compressed_topic,
     ],
 )

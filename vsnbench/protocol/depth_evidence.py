@@ -33,7 +33,7 @@ _NEAREST_M = 0.3
 """Assumed minimum range, for the size of cells, of a camera whose profile gives none."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """Evidence in one depth image."""
 
@@ -41,13 +41,20 @@ class Evidence:
     """Number of pixels that must have depth; 0 for a camera that does not see the swath."""
     valid_share: float
     """Share of these pixels with valid depth."""
-    hidden_cells: int
-    """Number of cells with too few valid pixels."""
+    hidden: npt.NDArray[np.bool_]
+    """(cells,) whether a cell has too few valid pixels."""
+    first_row: int
+    """First image row with such pixels."""
 
     @property
     def is_blind(self) -> bool:
         """Whether the image has too little depth in the swath."""
         return self.valid_share < MIN_VALID_SHARE
+
+    @property
+    def hidden_cells(self) -> int:
+        """Number of cells with too few valid pixels."""
+        return int(np.count_nonzero(self.hidden))
 
     @property
     def hides_something(self) -> bool:
@@ -74,8 +81,8 @@ class EvidencePixels:
         rows = depth_m[self.first_row : self.first_row + self.cells.shape[0]]
         count_valid_in_cells(rows, self.cells, np.float32(camera.depth_max_m), valid)
         pixels = int(self.pixels.sum())
-        hidden = int(np.count_nonzero(valid[:-1] < MIN_VALID_SHARE * self.pixels[:-1]))
-        return Evidence(pixels, float(valid.sum() / pixels) if pixels else 0.0, hidden)
+        hidden = valid[:-1] < MIN_VALID_SHARE * self.pixels[:-1]
+        return Evidence(pixels, float(valid.sum() / pixels) if pixels else 0.0, hidden, self.first_row)
 
 
 @lru_cache(maxsize=16)

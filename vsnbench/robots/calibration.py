@@ -126,6 +126,8 @@ def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
                 *(link.names.depth_info, _CALIBRATION_S),
             )
         return None
+    if calibration.is_fisheye:
+        return None  # the profile has the view that is cropped from the lens's
     measured = Measured(calibration.horizontal_fov_deg(link.image_turns), _FOV_STD_DEG)
     limit = FOV_SHARE * camera.horizontal_fov_deg
     return MountDifference("horizontal_fov_deg", "°", measured, camera.horizontal_fov_deg, limit)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsnbench.robots.checkup.images import frozen_result, image_results
+from vsnbench.robots.checkup.images import image_results, turned_results
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sensing.topic_monitor import TopicMessages
@@ -74,8 +74,48 @@ def test_depth_of_a_rotated_camera_is_checked_upright() -> None:
     assert sorted(health) == ["failed", "warning"]
 
 
-def test_a_depth_image_that_a_turn_does_not_change_is_frozen() -> None:
-    before, after = message(wall(2000), "16UC1"), message(wall(2001), "16UC1")
-    assert frozen_result(before, after).health == "ok"
-    assert frozen_result(before, before).health == "failed"
-    assert frozen_result(message(wall(0), "16UC1"), message(wall(0), "16UC1")) is None
+def turned(before: dict[str, Any], after: dict[str, Any]) -> dict[str, str]:
+    return {result.what: str(result.health) for result in turned_results(TURTLEBOT2, before, after)}
+
+
+def colours(seed: int) -> Any:
+    return message(np.random.default_rng(seed).integers(0, 255, (480, 640, 3)).astype(np.uint8), "rgb8")
+
+
+@pytest.mark.parametrize(
+    ("depth", "colour", "health"),
+    [
+        (wall(2001), colours(1), {"colour changes": "ok", "depth changes": "ok"}),
+        (wall(2000), colours(1), {"colour changes": "ok", "depth changes": "failed"}),
+        (wall(2001), colours(0), {"colour changes": "failed", "depth changes": "ok"}),
+    ],
+    ids=["live", "depth frozen", "colour frozen"],
+)
+def test_an_image_that_a_turn_does_not_change_is_frozen(depth: np.ndarray, colour: Any, health: dict[str, str]) -> None:
+    before = {"depth": message(wall(2000), "16UC1"), "colour": colours(0)}
+    assert turned(before, {"depth": message(depth, "16UC1"), "colour": colour}) == health
+
+
+def test_images_that_did_not_arrive_are_not_compared() -> None:
+    assert turned({"colour": colours(0)}, {"depth": message(wall(2000), "16UC1")}) == {}
+
+
+def without_left_half(mm: int) -> np.ndarray:
+    depth = wall(mm)
+    depth[:, :320] = 0
+    return depth
+
+
+def test_a_region_without_depth_before_and_after_a_turn_fails_by_name() -> None:
+    before, after = (message(without_left_half(mm), "16UC1") for mm in (2000, 2100))
+    results = {result.what: result for result in turned_results(TURTLEBOT2, {"depth": before}, {"depth": after})}
+    assert results["depth region"].health == "failed"
+    assert results["depth region"].seen.startswith("the left half of the depth image is always invalid")
+    moved = np.ascontiguousarray(without_left_half(2100)[:, ::-1])
+    assert "depth region" not in turned({"depth": before}, {"depth": message(moved, "16UC1")})
+
+
+def test_half_of_the_depth_missing_fails_by_name_without_a_movement() -> None:
+    found = depth_results(without_left_half(2000))["depth invalid"]
+    assert found.health == "failed"
+    assert "the left half of the depth image is always invalid" in found.seen

@@ -1,7 +1,7 @@
 """A simulated robot over ROS with the camera fault that a line on stdin names: `faulty_robot.py ros1|ros2 ROBOT`.
 
-`right`, `nan`, `frozen` (one depth image with new stamps), `millimetres` (32FC1), `holes` (half of the pixels),
-`minimum range` (nothing nearer than 0.6 m), `ahead` (stamps 10 s in the future).
+`right`, `nan`, `frozen` (one depth image with new stamps), `frozen colour`, `left half` (without depth), `millimetres`
+(32FC1), `holes` (half of the pixels), `minimum range` (nothing nearer than 0.6 m), `ahead` (stamps 10 s in the future).
 """
 
 import sys
@@ -44,14 +44,20 @@ class FaultyRobotNode(simulated_robot_node.SimulatedRobotNode):
 
     def publish_picture(self, picture: Picture) -> None:
         """Publish a picture with the current fault."""
-        fault, depth_mm = self.fault, picture.depth_mm
-        if fault != "frozen":
+        fault, depth_mm, rgb = self.fault, picture.depth_mm, picture.rgb
+        if not fault.startswith("frozen"):
             self._frozen = None
         if fault == "nan":
             depth_mm = np.zeros_like(depth_mm)
         elif fault == "frozen":
             self._frozen = depth_mm.copy() if self._frozen is None else self._frozen
             depth_mm = self._frozen
+        elif fault == "frozen colour":
+            self._frozen = rgb.copy() if self._frozen is None else self._frozen
+            rgb = self._frozen
+        elif fault == "left half":
+            depth_mm = depth_mm.copy()
+            depth_mm[:, : depth_mm.shape[1] // 2] = 0
         elif fault == "millimetres":
             depth_mm = np.where(depth_mm == 0, np.nan, depth_mm).astype(np.float32)
         elif fault == "holes":
@@ -59,7 +65,7 @@ class FaultyRobotNode(simulated_robot_node.SimulatedRobotNode):
         elif fault == "minimum range":
             depth_mm = np.where(depth_mm < MINIMUM_RANGE_MM, 0, depth_mm).astype(np.uint16)
         stamp_s = picture.stamp_s + (AHEAD_S if fault == "ahead" else 0)
-        super().publish_picture(replace(picture, depth_mm=depth_mm, stamp_s=stamp_s))
+        super().publish_picture(replace(picture, depth_mm=depth_mm, rgb=rgb, stamp_s=stamp_s))
 
     def _image_message(self, pixels: Any, encoding: str, *others: Any) -> Any:
         return super()._image_message(pixels, "32FC1" if pixels.dtype == np.float32 else encoding, *others)

@@ -1,7 +1,9 @@
 """A colour and depth camera in front of a noisy wall, with faults commanded on /camera/fault.
 
 `silent` sends nothing, `blind` no depth, `small` half the size, `yuv` another encoding, `past` stamps from yesterday,
-`holes` a depth image with a different tenth of its pixels invalid each time, `good` is back to normal.
+`holes` a depth image with a different tenth of its pixels invalid each time, `frozen` the same colours with new stamps,
+`half` no depth in the left half, `slow` one image per second, `late` 0.3 s after its stamp; `frozen+half` is both, and
+`good` is back to normal.
 """
 
 import time
@@ -35,16 +37,21 @@ def image(pixels: np.ndarray, encoding: str, stamp: rospy.Time) -> Image:
 
 rng = np.random.default_rng(0)
 due = time.monotonic()
+colors = None
 while not rospy.is_shutdown():
-    due += 1 / RATE_HZ
+    due += 1.0 if "slow" in fault else 1 / RATE_HZ
     time.sleep(max(due - time.monotonic(), 0))
     if fault == "silent":
         continue
-    stamp = rospy.Time.now() - rospy.Duration(86400 if fault == "past" else 0)
+    stamp = rospy.Time.now() - rospy.Duration(86400 if fault == "past" else 0.3 if "late" in fault else 0)
     size = (HEIGHT // 2, WIDTH // 2) if fault == "small" else (HEIGHT, WIDTH)
-    color.publish(image(np.full((*size, 3), 90, np.uint8), "yuv422" if fault == "yuv" else "rgb8", stamp))
+    if colors is None or "frozen" not in fault:
+        colors = rng.integers(88, 93, (*size, 3), np.uint8)
+    color.publish(image(colors, "yuv422" if fault == "yuv" else "rgb8", stamp))
     wall = rng.integers(1999, 2002, size, np.uint16)
     if fault == "holes":
         wall[rng.random(size) < 0.1] = 0
+    if "half" in fault:
+        wall[:, : WIDTH // 2] = 0
     if fault != "blind":
         depth.publish(image(wall, "16UC1", stamp))

@@ -4,12 +4,13 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from tests.robots.floor_images import HEIGHT, LENS, WIDTH, K, compressed, depth_mm
+from tests.robots.floor_images import FISHEYE_K, HEIGHT, LENS, WIDTH, K, compressed, depth_mm
 
 rospy.init_node("floor_camera")
 color = rospy.Publisher("/camera/color/image_raw", Image, queue_size=1)
 depth = rospy.Publisher("/camera/depth/image_raw", Image, queue_size=1)
 infos = [rospy.Publisher(f"/camera/{part}/camera_info", CameraInfo, queue_size=1) for part in ("color", "depth")]
+fisheye = rospy.Publisher("/camera/fisheye/camera_info", CameraInfo, queue_size=1)
 packed = {topic: rospy.Publisher(topic, CompressedImage, queue_size=1) for topic in compressed()}
 contents, measured, seen = compressed(), depth_mm(), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
 
@@ -26,6 +27,9 @@ while not rospy.is_shutdown():
         info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="plumb_bob", D=LENS.distortion, K=K)
         info.header.stamp = stamp
         publisher.publish(info)
+    info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="equidistant", D=[0.0] * 4, K=FISHEYE_K)
+    info.header.stamp = stamp
+    fisheye.publish(info)
     color.publish(image(seen, "rgb8", stamp))
     depth.publish(image(measured, "16UC1", stamp))
     for topic, content in contents.items():

@@ -143,5 +143,5 @@ while True:
         odom(odometry(x_m, y_m, heading_rad, time.time()))
     if now >= camera_due:
         camera_due = now + 1 / 15
-        color(image(np.full((48, 64, 3), 90, np.uint8), "rgb8", time.time()))
+        color(image(rng.integers(88, 93, (48, 64, 3), np.uint8), "rgb8", time.time()))
         depth(image(rng.integers(1999, 2002, (48, 64), np.uint16), "16UC1", time.time()))

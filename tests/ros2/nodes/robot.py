@@ -2,9 +2,10 @@
 
 It prints the times when it `moves` or `stands`, and when it is `commanded` to move or to zero (`zeroed`).
 
-Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`.
-Either: `good`; `where` says where the base truly is. Arguments: `--stamped` listens to TwistStamped, `--noise DEG M` is
-white noise of the odometry, at rest as well.
+Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`,
+`frozen` (the same colours with new stamps), `half` (no depth in the left half), `slow` (one image per second), `late`
+(0.3 s after its stamp); `frozen+half` is both. Either: `good`; `where` says where the base truly is. Arguments:
+`--stamped` listens to TwistStamped, `--noise DEG M` is white noise of the odometry, at rest as well.
 """
 
 import argparse
@@ -52,7 +53,7 @@ noise_rad, noise_m, draws = math.radians(chosen.noise[0]), chosen.noise[1], rand
 sys.stdout.write("up\n")
 sys.stdout.flush()
 pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
-rng = np.random.default_rng(0)
+rng, colors = np.random.default_rng(0), None
 current, heard_s, moved, commanded = Twist(), -math.inf, False, False
 pressed, cliffs = False, ()
 last = odometry_due = camera_due = time.monotonic()
@@ -109,8 +110,13 @@ while True:
         bumper.publish(Bool(data=pressed))  # a base of ROS 2 publishes the state of its sensors all the time
         hazards.publish(hazard_vector(*cliffs))
     if now >= camera_due and fault != "blind":
-        camera_due = max(camera_due + 1 / 30, now)
-        taken_s = stamp_s - 3600 if fault == "past" else stamp_s
+        camera_due = max(camera_due + (1.0 if "slow" in fault else 1 / 30), now)
+        taken_s = stamp_s - (3600 if fault == "past" else 0.3 if "late" in fault else 0)
         size = (24, 32) if fault == "small" else (48, 64)
-        color.publish(image_message(np.full((*size, 3), 90, np.uint8), "rgb8", taken_s))
-        depth.publish(image_message(rng.integers(1999, 2002, size, np.uint16), "16UC1", taken_s))
+        if colors is None or "frozen" not in fault:
+            colors = rng.integers(88, 93, (*size, 3), np.uint8)
+        wall = rng.integers(1999, 2002, size, np.uint16)
+        if "half" in fault:
+            wall[:, :32] = 0
+        color.publish(image_message(colors, "rgb8", taken_s))
+        depth.publish(image_message(wall, "16UC1", taken_s))

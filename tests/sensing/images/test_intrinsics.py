@@ -4,6 +4,7 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -155,3 +156,81 @@ def test_a_calibration_of_another_camera_is_refused(width: int, height: int, foc
 def test_a_calibration_at_another_resolution_is_scaled() -> None:
     large = Intrinsics(640, 480, 4 * CAMERA.focal_px, 4 * CAMERA.focal_px, 319.5, 239.5)
     assert not rectifier_of(large, CAMERA, "/camera/color/image_raw").resamples
+
+
+def fisheye(fov_deg: float, coefficients: tuple[float, ...] = (), width: int = 320, model: str = "equidistant") -> Any:
+    """Return a lens by the definition of the equidistant projection: radius is focal length times angle."""
+    focal_px = width / 2 / math.radians(fov_deg / 2)
+    return Intrinsics(
+        width, width * 3 // 4, focal_px, focal_px, (width - 1) / 2, (width * 3 // 4 - 1) / 2, coefficients, model
+    )
+
+
+@pytest.mark.parametrize("generation", [1, 2])
+@pytest.mark.parametrize("model", ["equidistant", "fisheye"])
+@pytest.mark.parametrize("coefficients", [(), (0.0,) * 4], ids=["none", "zeros"])
+@pytest.mark.parametrize("fov_deg", [90.0, 150.0, 160.0, 200.0])
+def test_an_equidistant_lens_without_coefficients_is_no_pinhole(
+    fov_deg: float, coefficients: tuple[float, ...], model: str, generation: int
+) -> None:
+    lens = Intrinsics.of(info(fisheye(fov_deg, coefficients, model=model), generation), "/camera/color/image_raw")
+    assert lens is not None
+    assert lens.horizontal_fov_deg() == pytest.approx(fov_deg, abs=0.01)
+    angle_rad, turn_rad = math.radians(40), math.radians(25)
+    right, down = (math.tan(angle_rad) * part(turn_rad) for part in (math.cos, math.sin))
+    ((column, row),) = lens.project(np.array([right]), np.array([down]))
+    radius_px = lens.focal_x_px * angle_rad
+    assert column == pytest.approx(lens.center_x_px + radius_px * math.cos(turn_rad), abs=1e-6)
+    assert row == pytest.approx(lens.center_y_px + radius_px * math.sin(turn_rad), abs=1e-6)
+    rectified = Intrinsics.of(info(fisheye(fov_deg, coefficients, model=model), generation), "/camera/color/image_rect")
+    assert rectified is not None
+    assert not rectified.is_fisheye
+
+
+@pytest.mark.parametrize("coefficients", [(0.0,) * 4, FISHEYE, (-0.02, 0.003, 0.0, 0.0)])
+def test_a_fisheye_lens_agrees_with_opencv(coefficients: tuple[float, ...]) -> None:
+    lens = fisheye(150.0, coefficients)
+    rays = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 2))
+    k = np.array([[lens.focal_x_px, 0, lens.center_x_px], [0, lens.focal_y_px, lens.center_y_px], [0, 0, 1]])
+    points = np.column_stack([rays, np.ones(len(rays))])[None]
+    expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), k, np.array(coefficients))
+    assert np.abs(lens.project(rays[:, 0], rays[:, 1]) - expected[0]).max() < 1e-3
+    edge = np.array([[[lens.center_x_px + lens.width / 2, lens.center_y_px]]])
+    ((right, _),) = cv2.fisheye.undistortPoints(edge, k, np.array(coefficients))[0]
+    assert lens.horizontal_fov_deg() == pytest.approx(2 * math.degrees(math.atan(right)), abs=0.01)
+
+
+@pytest.mark.parametrize("fov_deg", [150.0, 160.0, 200.0])
+def test_a_view_is_cropped_from_a_wider_fisheye_lens(fov_deg: float) -> None:
+    """A pattern that is drawn by the angles of its rays appears where a pinhole has these rays."""
+    lens = fisheye(fov_deg)
+    camera = Camera(width=320, height=240, horizontal_fov_deg=90, mount_height_m=0.6)
+    row, column = np.indices((lens.height, lens.width))
+    x, y = column - lens.center_x_px, row - lens.center_y_px
+    radius = np.maximum(np.hypot(x, y), 1e-9)
+    angle = radius / lens.focal_x_px
+    seen = np.where(angle < 1.5, np.tan(np.minimum(angle, 1.5)) * x / radius, 99.0)
+    rectified = rectifier_of(lens, camera, "/camera/color/image_raw").labels((1000 * seen).astype(np.int32)) / 1000
+    expected = (np.indices((240, 320))[1] - camera.center_px[0]) / camera.focal_px
+    # The nearest pixel of the lens is at most half of its width away, which is widest for the ray at the corner.
+    assert np.abs(rectified - expected)[60:180, 40:280].max() < 0.6 / lens.focal_x_px * (1 + 1.2**2)
+
+
+@pytest.mark.parametrize(
+    ("fov_deg", "wanted_deg", "advised"), [(90.0, 120.0, "at most 90.0"), (145.0, 165.0, "at most 145.0")]
+)
+def test_a_view_wider_than_the_fisheye_lens_is_refused(fov_deg: float, wanted_deg: float, advised: str) -> None:
+    camera = Camera(width=320, height=240, horizontal_fov_deg=wanted_deg, mount_height_m=0.6)
+    with pytest.raises(CalibrationError) as refused:
+        rectifier_of(fisheye(fov_deg), camera, "/camera/color/image_raw")
+    assert advised in str(refused.value.advice)
+    assert "\n" not in str(refused.value)
+
+
+def test_rays_beyond_a_lens_whose_polynomial_folds_are_outside_the_image() -> None:
+    """Radius angle - 0.4 angle³ is largest at 0.913 rad; a ray beyond has the radius of another one."""
+    lens = fisheye(150.0, (-0.4, 0.0, 0.0, 0.0))
+    assert lens.horizontal_fov_deg() == pytest.approx(2 * math.degrees(math.sqrt(1 / 1.2)), abs=0.3)
+    inside, outside = lens.project(np.tan(np.array([0.9, 1.2])), np.zeros(2))
+    assert 0 <= inside[0] < lens.width
+    assert outside[0] > 10 * lens.width

@@ -3,7 +3,7 @@
 import math
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,9 +11,10 @@ from typing import Any
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
-from vsnbench.robots.checkup.images import frozen_result, image_results, image_type
+from vsnbench.robots.checkup.images import image_results, image_type, turned_results
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.robots.ros.image_timing import rate_needed_hz
 from vsnbench.ros_common.hazard_topics import WRONG_TYPE
 from vsnbench.ros_common.interface import RosInterface
 from vsnbench.ros_common.messages import planar
@@ -86,8 +87,8 @@ class TurnTest(SteeredBase):
         """
 
     @abstractmethod
-    def newest_depth(self) -> Any:
-        """Return a depth image that arrives from now on; None if none arrives."""
+    def newest_images(self) -> Mapping[str, Any]:
+        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
 
     def further_results(self) -> Iterator[CheckResult]:
         """Perform the checks that follow successful turns: none by default."""
@@ -246,7 +247,8 @@ class RosCheckup(ABC):
             elif (fault := self._topic_fault(topic, kind, bad)) is not None:
                 yield fault
             elif topic in rates and messages.arrivals:
-                yield rate_result(topic, self._described(topic, kind), messages, rates[topic])
+                needed_hz = 0.0 if topic == names.odometry_topic else rate_needed_hz(names, topic)
+                yield rate_result(topic, self._described(topic, kind), messages, rates[topic], needed_hz)
             elif messages.arrivals:
                 yield CheckResult(topic, Health.OK, kind)
             else:
@@ -278,11 +280,11 @@ class RosCheckup(ABC):
             yield from odometry_results(self.profile, readings)
 
     def _motion_results(self) -> Iterator[CheckResult]:
-        """Measure the response to commands; turn to the left and back, and compare with odometry and depth images."""
+        """Measure the response to commands; turn to the left and back, and compare with odometry and images."""
         try:
             with self._turn_test() as test:
                 yield from turn_response_results(test, self.profile)
-                yield from _turn_results(test)
+                yield from _turn_results(test, self.profile, self.image_turns)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
 
@@ -300,8 +302,8 @@ def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, st
     return {topic: names.type_name(kind) for topic, kind in kinds.items() if topic}
 
 
-def _turn_results(test: TurnTest) -> Iterator[CheckResult]:
-    depth_before = test.newest_depth()
+def _turn_results(test: TurnTest, profile: RobotProfile, image_turns: int) -> Iterator[CheckResult]:
+    before = test.newest_images()
     for movement, sign in (("Left", 1), ("Right", -1)):
         what = f"{movement} {_TURN_DEG}°"
         try:
@@ -316,8 +318,6 @@ def _turn_results(test: TurnTest) -> Iterator[CheckResult]:
         yield replace(result, advice=turn.reason) if turn.reason and not turn.answered else result
         if result.health is Health.FAILED:
             return
-        if movement == "Left" and depth_before is not None and (depth_after := test.newest_depth()) is not None:
-            frozen = frozen_result(depth_before, depth_after)
-            if frozen is not None:
-                yield frozen
+        if movement == "Left":
+            yield from turned_results(profile, before, test.newest_images(), image_turns)
     yield from test.further_results()

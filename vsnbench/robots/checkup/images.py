@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from vsnbench.errors import ImageError
-from vsnbench.protocol.depth_evidence import evidence_pixels
+from vsnbench.protocol.depth_evidence import MIN_HIDDEN_CELLS, evidence_pixels
 from vsnbench.protocol.parameters import DepthGuard
 from vsnbench.robots.checkup.mount import mount_results
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -17,11 +17,14 @@ from vsnbench.sensing.images.camera_images import DepthImage, decode_color, deco
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
 from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, CalibrationError, Intrinsics, rectifier_of
+from vsnbench.sensing.images.regions import Region, invalid_region
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
 _MAX_HOLES = 0.4
 """A larger share of invalid depth is a warning."""
+_LARGE_REGION = 0.25
+"""A smaller region may be an object in front of the robot; `--move` tells them apart."""
 Read = Callable[[str, bytes], Any]
 """Returns a serialized message of a type such as `sensor_msgs/Image`."""
 
@@ -105,6 +108,9 @@ def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[
         seen += f"; {evidence.valid_share:.0%} of those that show the way ahead are valid: no forward move is possible"
         advice = f"turn the robot to free space ({camera.depth_min_m:g} m is too near), and check its depth"
         yield CheckResult("depth invalid", Health.FAILED, seen, advice)
+    elif evidence.hides_something and (region := _unmeasured(frames)).share >= _LARGE_REGION:
+        seen += f"; {region.text} is always invalid: no forward move is possible"
+        yield CheckResult("depth invalid", Health.FAILED, seen, _region_advice(profile))
     elif evidence.hides_something or after > _MAX_HOLES:
         advice = "check for close objects, sunlight and a dirty lens"
         yield CheckResult("depth invalid", Health.WARNING, seen, advice)
@@ -112,14 +118,53 @@ def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[
         yield CheckResult("depth invalid", Health.OK, seen)
 
 
-def frozen_result(before: Any, after: Any) -> CheckResult | None:
-    """Return whether the depth image changed with a turn; None for images without depth."""
-    if not any(before.data):
-        return None
-    if bytes(before.data) != bytes(after.data):
-        return CheckResult("depth changes", Health.OK, "the image after the turn differs")
-    seen = "the images before and after the turn are identical: the camera is frozen"
-    return CheckResult("depth changes", Health.FAILED, seen, "restart the driver of the camera")
+def turned_results(
+    profile: RobotProfile, before: Mapping[str, Any], after: Mapping[str, Any], turns: int = 0
+) -> Iterator[CheckResult]:
+    """Report whether the camera's images changed with a turn of the robot.
+
+    Args:
+        profile: profile of the robot.
+        before: `colour` and `depth` message from before the turn.
+        after: the same from after it.
+        turns: number of clockwise quarter turns that set an image upright.
+    """
+    for what in sorted(before.keys() & after.keys()):
+        one, other = bytes(before[what].data), bytes(after[what].data)
+        if one != other:
+            yield CheckResult(f"{what} changes", Health.OK, "the image after the turn differs")
+        elif any(one):  # depth without a measurement has a result of its own
+            seen = "the images before and after the turn are identical: the camera is frozen"
+            yield CheckResult(f"{what} changes", Health.FAILED, seen, "restart the driver of the camera")
+    if "depth" in before and "depth" in after:
+        yield from _region_results(profile, [before["depth"], after["depth"]], turns)
+
+
+def _region_results(profile: RobotProfile, messages: Sequence[Any], turns: int) -> Iterator[CheckResult]:
+    """Report a region without depth in all of some images, between which the robot has turned."""
+    camera = profile.camera
+    try:
+        frames = [np.rot90(decode_depth(message), -turns) for message in messages]
+        depths = [median_depth_m([frame], camera.depth_min_m, camera.depth_max_m) for frame in frames]
+    except (ImageError, ValueError):
+        return  # `image_results` has reported it
+    height, width = depths[0].shape
+    cells = evidence_pixels(camera, width, height, profile.base.radius_m, DepthGuard())
+    hidden = np.logical_and.reduce([cells.read(depth_m, camera).hidden for depth_m in depths])
+    region = _unmeasured(frames)
+    if np.count_nonzero(hidden) >= MIN_HIDDEN_CELLS and region.share:
+        seen = f"{region.text} is always invalid, before and after the turn: no forward move is possible"
+        yield CheckResult("depth region", Health.FAILED, seen, _region_advice(profile))
+
+
+def _region_advice(profile: RobotProfile) -> str:
+    near_m = profile.camera.depth_min_m
+    return f"turn the robot to free space ({near_m:g} m is too near), and remove what covers the lens or is in its view"
+
+
+def _unmeasured(frames: Sequence[DepthImage]) -> Region:
+    """Return the region in which no raw image has a measurement; beyond the range is one."""
+    return invalid_region(~np.logical_or.reduce([frame > 0 for frame in frames]))
 
 
 def _message(read: Read, topic: str, data: bytes) -> Any:
@@ -158,6 +203,11 @@ def _calibration_result(
     assert isinstance(calibration, Intrinsics)  # noqa: S101  # rectifier_of raises errors
     fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), profile.camera.horizontal_fov_deg
     moved = f"; images are rectified, by {rectifier.moved_px:.0f} px at most" if rectifier.resamples else ""
+    if calibration.is_fisheye and fov_deg > wanted_deg:
+        seen = (
+            f"fisheye lens with a field of view of {fov_deg:.1f}°; images are cropped to the profile's {wanted_deg:g}°"
+        )
+        return CheckResult(info, Health.OK, seen)
     if abs(fov_deg - wanted_deg) > FOV_SHARE * wanted_deg:
         return CheckResult(
             info,

@@ -6,7 +6,7 @@ import math
 import os
 import socket
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
-from vsnbench.robots.checkup.images import type_advice
+from vsnbench.robots.checkup.images import image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros1.graph import graph_faults, server_of
 from vsnbench.ros1.installation import missing_packages
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from vsnbench.ros1.service_call import ServiceClient
     from vsnbench.ros1.topic_listener import TopicListener
 
-_DEPTH_S = 0.5
-"""Time for depth images before and after a turn."""
+_IMAGES_S = 0.5
+"""Time for images before and after a turn."""
 _LATEST = 10
 """Number of readings that arrive at most between two commands."""
 _CONNECTING_S, _POLL_S = 3.0, 0.05
@@ -241,11 +241,15 @@ class Ros1Checkup(RosCheckup, TurnTest):
         data = self.listener.monitor.settled(self.names.odometry)
         return None if data is None else planar(self._read("nav_msgs/Odometry", data))[2]
 
-    def newest_depth(self) -> Any:
-        """Return a depth image that arrives from now on; None if none arrives."""
-        topic = self.names.depth
-        messages = self.listener.listen(_DEPTH_S)[topic].messages if topic else []
-        return self._read("sensor_msgs/Image", messages[-1]) if messages else None
+    def newest_images(self) -> Mapping[str, Any]:
+        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
+        received = self.listener.listen(_IMAGES_S)
+        topics = {"colour": self.names.color, "depth": self.names.depth}
+        return {
+            what: self._read(image_type(topic), received[topic].messages[-1])
+            for what, topic in topics.items()
+            if topic and self._has_type(topic, image_type(topic)) and received[topic].messages
+        }
 
     def _client(self) -> ServiceClient:
         from vsnbench.ros1.messages import DiscreteServer

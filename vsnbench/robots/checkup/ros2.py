@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros2.topic_service import TopicServiceClient
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.odometry.odometry import OdometryReading
+from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
@@ -39,7 +40,8 @@ from vsnbench.values.robot_profile import RobotProfile
 if TYPE_CHECKING:
     from vsnbench.ros2.topic_listener import TopicListener
 
-_DEPTH_S = 2.0
+_IMAGES_S = 2.0
+"""Time for images before and after a turn."""
 
 
 class Ros2Checkup(RosCheckup):
@@ -241,15 +243,17 @@ class _TurnTest(TurnTest):
             return Turn(answered, None, reason)
         return Turn(answered, now.latest.pose.heading_rad - before.pose.heading_rad, reason)
 
-    def newest_depth(self) -> Any:
-        """Return a depth image that arrives from now on; None if none arrives."""
+    def newest_images(self) -> Mapping[str, Any]:
+        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
         began_s = time.monotonic()
-        if not self._link.names.depth:
-            return None
-        now = self._link.wait_for(
-            lambda now: now if now.depths and now.depths[-1].arrival_s > began_s else None, _DEPTH_S
-        )
-        return self._link.image(now.depths[-1].payload) if now else None
+
+        def arrived(now: RobotSnapshot) -> dict[str, Any]:
+            newest = {"colour": now.colors, "depth": now.depths}
+            return {what: images[-1] for what, images in newest.items() if images and images[-1].arrival_s > began_s}
+
+        wanted = 1 + bool(self._link.names.depth)
+        self._link.wait_for(lambda now: len(arrived(now)) == wanted, _IMAGES_S)
+        return {what: self._link.image(image.payload) for what, image in arrived(self._link.snapshot()).items()}
 
     def further_results(self) -> Iterator[CheckResult]:
         """Measure and store the watchdog of a base that this process steers."""

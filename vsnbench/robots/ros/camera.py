@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ImageError, SensorLostError
+from vsnbench.robots.ros.image_timing import MAX_SKEW_S, missing_images, not_ahead, observation_timeout_s
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import (
     MatchedImages,
@@ -32,9 +33,7 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 CAMERA_TIMEOUT_S = 3.0
-_MAX_SKEW_S = 0.1
-_MAX_AHEAD_S = 2.0
-"""Images that are stamped farther ahead of the odometry have a wrong stamp."""
+"""Age at which the pose of a simulator is no longer current."""
 _MAX_INVALID = 0.5
 """The unit of a depth image may be wrong if a larger share is invalid."""
 _CALIBRATION_S = 2.0
@@ -179,14 +178,13 @@ class RosCamera:
             if self.labelled:
                 labelled = {image.stamp_s for image in now.labels} if now.categories else set()
                 colors = [image for image in now.colors if image.stamp_s in labelled]
-            colors, depths = _not_ahead(colors, now), _not_ahead(now.depths, now)
-            match = match_images(colors, depths, end, self.depth_frames, _MAX_SKEW_S)
+            colors, depths = not_ahead(colors, now), not_ahead(now.depths, now)
+            match = match_images(colors, depths, end, self.depth_frames, MAX_SKEW_S)
             return (match, now) if match else None
 
-        timeout_s = CAMERA_TIMEOUT_S + self.depth_frames / self._names.camera_rate_hz
-        found = self._link.wait_for(complete, timeout_s)
+        found = self._link.wait_for(complete, observation_timeout_s(self._names))
         if found is None:
-            raise self._missing_images(timeout_s)
+            raise missing_images(self._names, self._link.snapshot(), time.monotonic())
         match, now = found
         for labels in now.labels if self.labelled else ():
             if labels.stamp_s == match.color.stamp_s:
@@ -208,43 +206,3 @@ class RosCamera:
         rectifier = rectifier_of(calibration, self._profile.camera, topic, self._link.image_turns)
         self._rectifiers[topic] = calibration, rectifier
         return rectifier
-
-    def _missing_images(self, waited_s: float) -> SensorLostError:
-        names, now, now_s = self._names, self._link.snapshot(), time.monotonic()
-        silent = []
-        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
-            if rivals := now.rivals(topic, now_s):
-                return rivals
-            if topic and (not images or now_s - images[-1].arrival_s > 1.0):
-                silent.append(topic)
-        if silent:
-            topics = " and ".join(silent)
-            return SensorLostError(
-                f"no image on {topics} for {waited_s:.0f} s", advice="check the camera driver", code="no-image"
-            )
-        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
-            if images and not _not_ahead(images[-1:], now):
-                ahead_s = images[-1].stamp_s - _odometry_time_s(now, images[-1].arrival_s)
-                return SensorLostError(
-                    f"images on {topic} are stamped {ahead_s:.1f} s ahead of the odometry",
-                    advice="synchronize the clocks (vsnbench doctor)",
-                    code="images-ahead",
-                )
-        return SensorLostError(
-            f"no images on {names.color} and {names.depth} within {waited_s:.0f} s that are stamped after the motion, "
-            f"colour within {_MAX_SKEW_S:g} s of depth",
-            advice="check that the clocks are synchronized (vsnbench doctor)",
-            code="no-matching-images",
-        )
-
-
-def _odometry_time_s(now: RobotSnapshot, arrival_s: float) -> float:
-    """Return the time on the clock of the odometry at an arrival; infinite before the first odometry."""
-    if now.latest is None:
-        return math.inf
-    return now.latest.stamp_s + arrival_s - now.latest.arrival_s
-
-
-def _not_ahead(images: Sequence[Stamped[Any]], now: RobotSnapshot) -> list[Stamped[Any]]:
-    """Drop images stamped ahead of the odometry, which would count as taken after every motion."""
-    return [image for image in images if image.stamp_s <= _odometry_time_s(now, image.arrival_s) + _MAX_AHEAD_S]

@@ -11,8 +11,8 @@ from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
+from vsnbench.runner.episode.camera_watch import CameraWatch
 from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
-from vsnbench.runner.episode.depth_watch import DepthWatch
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.policy_calls import PolicyCalls
@@ -81,7 +81,7 @@ class Stepper:
         self._plan = plan
         self._base = robot.identity.profile.base
         self._guard = plan.parameters.depth_guard
-        self.watch = DepthWatch(
+        self.watch = CameraWatch(
             robot.identity,
             self._guard,
             free_ahead_m=lambda: free_space(plan.site, self._base.radius_m).free_ahead_m(start.pose),

@@ -25,6 +25,12 @@ _SMOOTH = 0.1
 """Relative difference of inverse depths from which neighbouring pixels show two surfaces."""
 _PINHOLE_MODELS = ("plumb_bob", "rational_polynomial")
 _FISHEYE_MODELS = ("equidistant", "fisheye")
+_ANGLES_RAD = np.linspace(0, math.pi, 1801)
+"""Angles to the optical axis, for the inverse of a fisheye lens's polynomial."""
+_OUTSIDE = 1e4
+"""Stretch of a ray that the lens does not see: its pixel is outside every image."""
+_WIDEST_DEG = 160.0
+"""Widest advised view of a fisheye lens; a pinhole image of it shows its middle with few pixels."""
 _COEFFICIENTS = {0, 4, 5, 8, 12, 14}
 _SQUARE = 0.2
 """Largest relative difference of the focal lengths."""
@@ -49,6 +55,7 @@ class Intrinsics:
     distortion: tuple[float, ...] = ()
     """Empty for none."""
     distortion_model: str = ""
+    """Empty for a pinhole camera; a fisheye lens is one without coefficients, too."""
 
     @classmethod
     def of(cls, info: Any, topic: str) -> Self | None:
@@ -68,7 +75,7 @@ class Intrinsics:
         fx, fy, cx, cy = k[0], k[4], k[2], k[5]
         distortion, model = tuple(map(float, d)), str(info.distortion_model)
         if topic.rpartition("/")[2].startswith("image_rect"):
-            distortion = ()
+            distortion, model = (), ""
             if len(p) == 12 and p[0]:
                 fx, fy, cx, cy = p[0], p[5], p[2], p[6]
         if not all(map(math.isfinite, (fx, fy, cx, cy, *distortion))) or fx <= 0 or abs(fy / fx - 1) > _SQUARE:
@@ -77,7 +84,8 @@ class Intrinsics:
                 advice="calibrate the camera, or leave its camera_info out of the profile",
             )
         if not any(distortion):
-            distortion, model = (), ""
+            # An equidistant lens without coefficients images at focal length times angle, unlike a pinhole.
+            distortion, model = (), model if model in _FISHEYE_MODELS else ""
         known = (*_PINHOLE_MODELS, *_FISHEYE_MODELS)
         if distortion and (model not in known or len(distortion) not in _COEFFICIENTS):
             raise CalibrationError(
@@ -87,10 +95,18 @@ class Intrinsics:
             )
         return cls(int(info.width), int(info.height), fx, fy, cx, cy, distortion, model)
 
+    @property
+    def is_fisheye(self) -> bool:
+        """Whether the lens images at a function of the angle, and may see more than a pinhole can."""
+        return self.distortion_model in _FISHEYE_MODELS
+
     def horizontal_fov_deg(self, turns: int = 0) -> float:
         """Return the horizontal field of view of the upright image, degrees."""
         width, focal_px = (self.height, self.focal_y_px) if turns % 2 else (self.width, self.focal_x_px)
-        return math.degrees(2 * math.atan(width / 2 / focal_px))
+        if not self.is_fisheye:
+            return math.degrees(2 * math.atan(width / 2 / focal_px))
+        radii, limit = self._fisheye_radii()
+        return math.degrees(2 * float(np.interp(width / 2 / focal_px, radii[:limit], _ANGLES_RAD[:limit])))
 
     def scaled_to(self, width: int, height: int, topic: str) -> Self:
         """Return the intrinsics for another resolution.
@@ -119,11 +135,12 @@ class Intrinsics:
 
     def project(self, right: npt.NDArray[np.float64], down: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the pixels (N, 2), column and row, of rays with (N,) components right and down per metre ahead."""
-        if self.distortion_model in _FISHEYE_MODELS:
+        if self.is_fisheye:
             reach = np.hypot(right, down)
             angle = np.arctan(reach)
-            powers = sum(k * angle ** (2 * number + 2) for number, k in enumerate(self.distortion[:4]))
-            stretch = np.where(reach > 1e-9, angle * (1 + powers) / np.maximum(reach, 1e-9), 1.0)
+            stretch = np.where(reach > 1e-9, self._fisheye_radius(angle) / np.maximum(reach, 1e-9), 1.0)
+            _, limit = self._fisheye_radii()
+            stretch = np.where(angle <= _ANGLES_RAD[limit - 1], stretch, _OUTSIDE)
             right, down = right * stretch, down * stretch
         elif self.distortion:
             import cv2
@@ -133,6 +150,17 @@ class Intrinsics:
             bent, _ = cv2.projectPoints(rays, zero, zero, unit, np.array(self.distortion))
             right, down = bent[:, 0, 0], bent[:, 0, 1]
         return np.column_stack([self.focal_x_px * right + self.center_x_px, self.focal_y_px * down + self.center_y_px])
+
+    def _fisheye_radius(self, angle_rad: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the distances from the principal point of rays at angles to the optical axis, per focal length."""
+        powers = sum(k * angle_rad ** (2 * number + 2) for number, k in enumerate(self.distortion[:4]))
+        return angle_rad * (1 + powers)
+
+    def _fisheye_radii(self) -> tuple[npt.NDArray[np.float64], int]:
+        """Return the distances at _ANGLES_RAD, and how many of them grow; beyond them is no image."""
+        radii = self._fisheye_radius(_ANGLES_RAD)
+        falls = np.flatnonzero(np.diff(radii) <= 0)
+        return radii, int(falls[0]) + 1 if falls.size else radii.size
 
 
 Calibration = Intrinsics | CalibrationError | None
@@ -150,17 +178,19 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
 
     Raises:
         CalibrationError: the calibration cannot be used, or its field of view differs from the profile's by more than
-            CONTRADICTION_SHARE.
+            CONTRADICTION_SHARE. A fisheye lens may see more: its image is cropped.
     """
     if isinstance(calibration, CalibrationError):
         raise calibration
     if calibration is None:
         return Rectifier(camera, None, turns)
     fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), camera.horizontal_fov_deg
-    if abs(fov_deg - wanted_deg) > CONTRADICTION_SHARE * wanted_deg:
+    differs = abs(fov_deg - wanted_deg) > CONTRADICTION_SHARE * wanted_deg
+    if differs and not (calibration.is_fisheye and fov_deg > wanted_deg):
+        best = f"at most {min(fov_deg, _WIDEST_DEG):.1f}" if calibration.is_fisheye else f"{fov_deg:.1f}"
         raise CalibrationError(
             f"the camera_info of {topic} has a field of view of {fov_deg:.1f}°, the profile {wanted_deg:g}°",
-            advice=f"set camera.horizontal_fov_deg: {fov_deg:.1f} in the profile, or the camera driver's mode",
+            advice=f"set camera.horizontal_fov_deg: {best} in the profile, or the camera driver's mode",
         )
     size = (camera.height, camera.width) if turns % 2 else (camera.width, camera.height)
     return Rectifier(camera, calibration.scaled_to(*size, topic), turns)

@@ -9,8 +9,9 @@ import pytest
 from tests.runner.stand_ins import PROFILE
 from vsnbench.errors import SensorLostError
 from vsnbench.protocol.parameters import DepthGuard
+from vsnbench.runner.episode.camera_watch import CameraWatch
 from vsnbench.runner.episode.depth_guard import Refusal, look_ahead
-from vsnbench.runner.episode.depth_watch import MAX_BLIND_REFUSALS, DepthWatch
+from vsnbench.runner.episode.hidden_region import MAX_HIDDEN_REFUSALS
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
@@ -24,9 +25,13 @@ FORWARD = MotionResult(completed=True, displacement_m=0.25)
 TURN = MotionResult(completed=True, turn_rad=0.52)
 
 
+COLOURS = np.random.default_rng(0)
+
+
 def seeing(depth: Any, digest: bytes | None = None) -> Observation:
+    """Return an observation with new colours, as a camera with noise sends them."""
     depth_m = np.asarray(np.broadcast_to(depth, (48, 64)), np.float32).copy()
-    rgb = np.zeros((48, 64, 3), np.uint8)
+    rgb = COLOURS.integers(0, 255, (48, 64, 3)).astype(np.uint8)
     return Observation(rgb, depth_m, Pose(0, 0), 0.0, CAMERA, depth_frame_digest=digest)
 
 
@@ -43,24 +48,24 @@ def floor() -> Observation:
 BLIND = seeing(np.nan)
 
 
-def push(watch: DepthWatch, seen: Observation) -> None:
-    watch.look(seen)
+def push(watch: CameraWatch, seen: Observation) -> None:
+    watch.look(replace(seen, rgb=seeing(1.0).rgb))
     reading = look_ahead(seen, PROFILE.base, GUARD)
     watch.refused(reading)
     assert reading.refusal is Refusal.BLIND
 
 
 def test_a_camera_that_stays_blind_is_lost_at_the_third_refusal() -> None:
-    watch = DepthWatch(REAL, GUARD)
+    watch = CameraWatch(REAL, GUARD)
     watch.look(wall(3.0))
-    for _ in range(MAX_BLIND_REFUSALS - 1):
+    for _ in range(MAX_HIDDEN_REFUSALS - 1):
         push(watch, BLIND)
     with pytest.raises(SensorLostError, match="stays blind: 3 forward moves were refused"):
         push(watch, BLIND)
 
 
 def test_a_look_that_saw_the_path_resets_the_count() -> None:
-    watch = DepthWatch(REAL, GUARD)
+    watch = CameraWatch(REAL, GUARD)
     for seed in range(4):
         push(watch, BLIND)
         push(watch, BLIND)
@@ -68,7 +73,7 @@ def test_a_look_that_saw_the_path_resets_the_count() -> None:
 
 
 def test_a_wall_below_the_minimum_range_is_not_a_lost_camera() -> None:
-    watch = DepthWatch(REAL, GUARD)
+    watch = CameraWatch(REAL, GUARD)
     watch.look(wall(0.6))
     watch.moved(FORWARD)
     for _ in range(20):
@@ -84,7 +89,7 @@ def test_a_wall_below_the_minimum_range_is_not_a_lost_camera() -> None:
 
 @pytest.mark.parametrize(("free_ahead_m", "lost"), [(0.39, False), (0.41, True)])
 def test_a_robot_that_starts_at_a_wall_within_the_minimum_range_is_refused(free_ahead_m: float, lost: bool) -> None:
-    watch = DepthWatch(
+    watch = CameraWatch(
         replace(REAL, profile=PROFILE.model_copy(update={"camera": CAMERA})), GUARD, lambda: free_ahead_m
     )
     ended = False
@@ -96,16 +101,29 @@ def test_a_robot_that_starts_at_a_wall_within_the_minimum_range_is_refused(free_
     assert ended is lost
 
 
+RGB = wall(3.0).rgb
+LIVE = {
+    "depth": (wall(3.0), wall(3.0)),
+    "colour": (replace(wall(3.0, 1), rgb=RGB), replace(wall(3.0, 2), rgb=RGB)),
+}
+"""Two looks, of which only the named image is unchanged."""
+
+
+@pytest.mark.parametrize("what", LIVE)
 @pytest.mark.parametrize("identity", [REAL, IN_SIMULATION], ids=["real", "simulated"])
 @pytest.mark.parametrize("result", [FORWARD, TURN, replace(FORWARD, displacement_m=-0.25)], ids=["on", "turn", "back"])
-def test_an_unchanged_image_after_a_movement_is_a_frozen_camera(identity: RobotIdentity, result: MotionResult) -> None:
-    watch = DepthWatch(identity, GUARD)
-    watch.look(wall(3.0))
+def test_an_unchanged_image_after_a_movement_is_a_frozen_camera(
+    identity: RobotIdentity, result: MotionResult, what: str
+) -> None:
+    watch = CameraWatch(identity, GUARD)
+    before, after = LIVE[what]
+    watch.look(before)
     watch.moved(result)
-    with pytest.raises(SensorLostError, match="bit for bit: the camera is frozen"):
-        watch.look(wall(3.0))
+    with pytest.raises(SensorLostError, match=f"the {what} image has not changed .* bit for bit: the camera is frozen"):
+        watch.look(after)
 
 
+@pytest.mark.parametrize("what", LIVE)
 @pytest.mark.parametrize(
     "result",
     [
@@ -115,15 +133,38 @@ def test_an_unchanged_image_after_a_movement_is_a_frozen_camera(identity: RobotI
     ],
     ids=["stood", "failed", "hardly moved"],
 )
-def test_an_unchanged_image_without_movement_is_accepted(result: MotionResult) -> None:
-    watch = DepthWatch(REAL, GUARD)
-    watch.look(wall(3.0))
+def test_an_unchanged_image_without_movement_is_accepted(result: MotionResult, what: str) -> None:
+    watch = CameraWatch(REAL, GUARD)
+    before, after = LIVE[what]
+    watch.look(before)
     watch.moved(result)
-    watch.look(wall(3.0))
+    watch.look(after)
+
+
+def test_a_surface_of_one_colour_may_fill_the_image_in_simulation_only() -> None:
+    """A real camera has noise; one that sends the same single colour from two poses has failed."""
+    grey = np.full((48, 64, 3), 90, np.uint8)
+    simulated, real = CameraWatch(IN_SIMULATION, GUARD), CameraWatch(REAL, GUARD)
+    for watch in (simulated, real):
+        watch.look(replace(wall(3.0, 1), rgb=grey))
+        watch.moved(FORWARD)
+    simulated.look(replace(wall(2.75, 2), rgb=grey))
+    with pytest.raises(SensorLostError, match="colour"):
+        real.look(replace(wall(2.75, 2), rgb=grey))
+
+
+def test_a_frozen_colour_image_is_noticed_without_depth_and_with_the_guard_off() -> None:
+    off = DepthGuard(enabled=False)
+    before, after = LIVE["colour"]
+    for watch, changes in ((CameraWatch(REAL, GUARD), {"depth_m": None}), (CameraWatch(REAL, off), {})):
+        watch.look(replace(before, **changes))
+        watch.moved(FORWARD)
+        with pytest.raises(SensorLostError, match="the colour image"):
+            watch.look(replace(after, **changes))
 
 
 def test_a_changed_image_after_a_movement_is_accepted() -> None:
-    watch = DepthWatch(REAL, GUARD)
+    watch = CameraWatch(REAL, GUARD)
     for seed in range(3):
         watch.look(wall(3.0, seed))
         watch.moved(FORWARD)
@@ -131,38 +172,38 @@ def test_a_changed_image_after_a_movement_is_accepted() -> None:
 
 def test_raw_frames_are_compared_if_the_depth_is_filtered() -> None:
     """Filtered, a frozen image is another one as long as the filter still holds frames from before."""
-    watch = DepthWatch(REAL, GUARD)
+    watch = CameraWatch(REAL, GUARD)
     watch.look(replace(wall(3.0, 1), depth_frame_digest=b"frozen"))
     watch.moved(FORWARD)
     with pytest.raises(SensorLostError):
         watch.look(replace(wall(3.0, 2), depth_frame_digest=b"frozen"))
-    same_by_chance = DepthWatch(REAL, GUARD)
+    same_by_chance = CameraWatch(REAL, GUARD)
     same_by_chance.look(replace(wall(3.0), depth_frame_digest=b"one"))
     same_by_chance.moved(FORWARD)
     same_by_chance.look(replace(wall(3.0), depth_frame_digest=b"another"))
 
 
 def test_an_unchanged_empty_floor_is_accepted_in_simulation_only() -> None:
-    simulated, real = DepthWatch(IN_SIMULATION, GUARD), DepthWatch(REAL, GUARD)
+    simulated, real = CameraWatch(IN_SIMULATION, GUARD), CameraWatch(REAL, GUARD)
     for watch in (simulated, real):
         watch.look(floor())
         watch.moved(FORWARD)
     simulated.look(floor())
-    with pytest.raises(SensorLostError):
+    with pytest.raises(SensorLostError, match="the depth image"):
         real.look(floor())
 
 
 def test_depth_in_millimetres_that_should_be_metres_is_lost_at_the_first_look() -> None:
     with pytest.raises(SensorLostError, match="measures 3e\\+03 to 3e\\+03 m"):
-        DepthWatch(REAL, GUARD).look(wall(3000.0))
+        CameraWatch(REAL, GUARD).look(wall(3000.0))
 
 
-def test_nothing_is_checked_without_depth_or_guard() -> None:
+def test_no_depth_is_checked_without_depth_or_guard() -> None:
     off = DepthGuard(enabled=False)
     for watch, seen in (
-        (DepthWatch(REAL, GUARD), replace(wall(3.0), depth_m=None)),
-        (DepthWatch(REAL, off), wall(3000.0)),
+        (CameraWatch(REAL, GUARD), replace(wall(3.0), depth_m=None)),
+        (CameraWatch(REAL, off), wall(3000.0)),
     ):
         for _ in range(3):
-            watch.look(seen)
+            watch.look(replace(seen, rgb=seeing(1.0).rgb))
             watch.moved(FORWARD)

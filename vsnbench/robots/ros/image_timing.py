@@ -1,0 +1,128 @@
+"""Whether images arrive in time for an observation: rate, delay and clock of a camera."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from vsnbench.errors import SensorLostError
+from vsnbench.ros_common.interface import RosInterface
+from vsnbench.sensing.images.camera_images import Stamped
+from vsnbench.sensing.robot_reports import RobotSnapshot
+
+MAX_SKEW_S = 0.1
+"""Largest difference of the stamps of colour and depth in one observation."""
+MAX_AHEAD_S = 2.0
+"""Images that are stamped farther ahead of the odometry have a wrong stamp."""
+_TIMEOUT_S = 3.0
+_SILENT_S = 1.0
+"""Time without an image after which a camera is silent, or three of its periods if it is slow."""
+_LONGEST_DELAY_S = 10.0
+"""Images that are older on arrival have a wrong stamp: drivers and networks drop images rather than keep so many."""
+
+
+def frames_needed(names: RosInterface, topic: str) -> int:
+    """Return how many images of a topic an observation needs after a motion."""
+    return names.depth_frames if topic == names.depth else 1
+
+
+def observation_timeout_s(names: RosInterface) -> float:
+    """Return how long an observation waits for its images."""
+    return _TIMEOUT_S + (names.depth_frames if names.depth else 0) / names.camera_rate_hz
+
+
+def rate_needed_hz(names: RosInterface, topic: str, delay_s: float = 0.0) -> float:
+    """Return the lowest rate at which an observation gets its images of a topic in time; infinite if no rate does.
+
+    Args:
+        names: interface of the profile.
+        topic: topic of colour or depth.
+        delay_s: time from the stamp of an image to its arrival.
+    """
+    left_s = observation_timeout_s(names) - max(delay_s, 0.0)
+    return frames_needed(names, topic) / left_s if left_s > 0 else math.inf
+
+
+def odometry_time_s(now: RobotSnapshot, arrival_s: float) -> float:
+    """Return the time on the clock of the odometry at an arrival; infinite before the first odometry."""
+    if now.latest is None:
+        return math.inf
+    return now.latest.stamp_s + arrival_s - now.latest.arrival_s
+
+
+def not_ahead(images: Sequence[Stamped[Any]], now: RobotSnapshot) -> list[Stamped[Any]]:
+    """Drop images stamped ahead of the odometry, which would count as taken after every motion."""
+    return [image for image in images if image.stamp_s <= odometry_time_s(now, image.arrival_s) + MAX_AHEAD_S]
+
+
+def missing_images(names: RosInterface, now: RobotSnapshot, now_s: float) -> SensorLostError:
+    """Return why an observation did not get its images.
+
+    Args:
+        names: interface of the profile.
+        now: the newest reports.
+        now_s: the time, monotonic.
+    """
+    received = {topic: images for topic, images in ((names.color, now.colors), (names.depth, now.depths)) if topic}
+    for topic in received:
+        if rivals := now.rivals(topic, now_s):
+            return rivals
+    waited_s = observation_timeout_s(names)
+    if silent := [topic for topic, images in received.items() if _is_silent(images, now_s)]:
+        since_s = min(now_s - received[topic][-1].arrival_s if received[topic] else waited_s for topic in silent)
+        return SensorLostError(
+            f"no image on {' and '.join(silent)} for {since_s:.0f} s", advice="check the camera driver", code="no-image"
+        )
+    for topic, images in received.items():
+        if fault := _timing_fault(names, topic, images, now, now_s):
+            return fault
+    return SensorLostError(
+        f"no images on {' and '.join(received)} within {waited_s:.1f} s that are stamped after the motion, colour "
+        f"within {MAX_SKEW_S:g} s of depth",
+        advice="stamp colour and depth in one driver (vsnbench doctor)",
+        code="no-matching-images",
+    )
+
+
+def _rate_hz(images: Sequence[Stamped[Any]]) -> float:
+    """Return the rate of images; infinite if it is unknown."""
+    if len(images) < 2 or images[-1].arrival_s <= images[0].arrival_s:
+        return math.inf
+    return (len(images) - 1) / (images[-1].arrival_s - images[0].arrival_s)
+
+
+def _is_silent(images: Sequence[Stamped[Any]], now_s: float) -> bool:
+    return not images or now_s - images[-1].arrival_s > max(_SILENT_S, 3 / _rate_hz(images))
+
+
+def _timing_fault(
+    names: RosInterface, topic: str, images: Sequence[Stamped[Any]], now: RobotSnapshot, now_s: float
+) -> SensorLostError | None:
+    """Return whether the stamps are of another clock, the images late, or the camera slow."""
+    count, waited_s = frames_needed(names, topic), observation_timeout_s(names)
+    recent = [image for image in images if now_s - image.arrival_s <= waited_s]
+    rate_hz = _rate_hz(recent)
+    if len(recent) < len(images):  # no recent one was dropped: their number limits the rate, too
+        rate_hz = min(rate_hz, (len(recent) + 1) / waited_s)
+    delay_s = min(odometry_time_s(now, image.arrival_s) - image.stamp_s for image in images)
+    if not not_ahead(images[-1:], now) or _LONGEST_DELAY_S < delay_s < math.inf:
+        side, code = ("ahead of", "images-ahead") if delay_s < 0 else ("behind", "no-matching-images")
+        return SensorLostError(
+            f"images on {topic} are stamped {abs(delay_s):.1f} s {side} the odometry",
+            advice="synchronize the clocks (vsnbench doctor)",
+            code=code,
+        )
+    if rate_hz < (needed_hz := rate_needed_hz(names, topic)):
+        return SensorLostError(
+            f"the camera is too slow: {topic} has {rate_hz:.1f} Hz, and {count} images within {waited_s:.1f} s after a "
+            f"motion need {needed_hz:.1f} Hz",
+            advice="raise the rate of the camera's driver, or lower interface.depth_frames of the profile",
+            code="slow-camera",
+        )
+    if MAX_SKEW_S < delay_s < math.inf and rate_hz < rate_needed_hz(names, topic, delay_s):
+        return SensorLostError(
+            f"images arrive late: {topic} {delay_s:.1f} s after its stamps, by the clock of the odometry; {count} "
+            f"images at {rate_hz:.1f} Hz must arrive within {waited_s:.1f} s after a motion",
+            advice="lower the size or rate of the images, or use compressed topics (vsnbench doctor)",
+            code="late-images",
+        )
+    return None
