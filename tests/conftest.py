@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import signal
 from collections.abc import Generator
 from pathlib import Path
 
@@ -10,6 +11,11 @@ import pytest
 from hypothesis import settings
 
 HERE = Path(__file__).parent
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell starts background jobs of a script so, and every process of a test would inherit it: `exec` keeps an
+    # ignored signal, and resets a handler to the default.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("same", derandomize=True)
 """Derandomized: every run generates the same examples. `HYPOTHESIS_PROFILE=default` generates new ones."""
