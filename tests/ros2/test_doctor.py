@@ -48,7 +48,13 @@ def test_a_session_steers_only_a_base_whose_watchdog_was_measured(tmp_path) -> N
         assert stored(graph).robot == load_profile(str(PROFILE)).name
 
 
-@pytest.mark.parametrize(("fault", "says"), [("nan", "odometry is not finite"), ("bumper", "the base reports: bumper")])
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        pytest.param("nan", "odometry is not finite", marks=pytest.mark.long),
+        ("bumper", "the base reports: bumper"),
+    ],
+)
 def test_doctor_fails_with_bad_odometry_or_a_pressed_bumper(tmp_path, fault, says) -> None:
     with live_graph(tmp_path) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py")
