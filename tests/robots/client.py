@@ -34,7 +34,9 @@ class Client(Conversation):
         self._errors = log.open("ab")
         words = [*python, str(NODE), str(profile), str(patience_s)]
         super().__init__(words, network.environment | environment, self._errors)
-        assert self.line().strip() == '"ready"', log.read_text()
+        if self.line().strip() != '"ready"':
+            self.close()
+            raise AssertionError(log.read_text())
 
     @property
     def is_ready(self) -> bool:
