@@ -142,6 +142,9 @@ LONGEST = (
 )
 """Files that start first, in this order: a long file that starts last leaves the other workers idle."""
 
+_MARK = re.compile(r"\bmark\.(\w+)")
+_MARKS_OF_FILE = re.compile(r"^pytestmark = .*", re.MULTILINE)
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
@@ -160,12 +163,23 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Skip files without a test of the lane that `-m` begins with: importing all files takes 10 s per worker."""
-    lane = config.getoption("markexpr").partition(" ")[0]
-    wanted = {"ros": r"mark\.ros\b", "ros2": r"mark\.ros2\b", "long": r"mark\.long\b"}.get(lane)
-    if wanted is None or collection_path.suffix != ".py":
+    """Skip a file if its marks exclude all its tests: importing all files takes 10 s per worker."""
+    marks: str = config.getoption("markexpr")
+    excluded = set(re.findall(r"not (\w+)", marks))
+    if "slow" in excluded and _is_slow(collection_path):
+        return True
+    if collection_path.suffix != ".py":
         return None
-    return not re.search(wanted, collection_path.read_text(encoding="utf-8")) or None
+    text = collection_path.read_text(encoding="utf-8")
+    if excluded & {mark for line in _MARKS_OF_FILE.findall(text) for mark in _MARK.findall(line)}:
+        return True
+    lane = marks.partition(" ")[0]
+    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text)) or None
+
+
+def _is_slow(path: Path) -> bool:
+    place = path.relative_to(HERE) if path.is_relative_to(HERE) else path
+    return place.as_posix() in SLOW or place.parts[:1] in {(folder,) for folder in SLOW_FOLDERS}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -173,8 +187,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if gone := sorted(name for name in {*SLOW, *LONGEST} if not (HERE / name).is_file()):
         raise pytest.UsageError(f"tests/conftest.py lists files that do not exist: {', '.join(gone)}")
     for item in items:
-        place = item.path.relative_to(HERE)
-        if place.as_posix() in SLOW or place.parts[0] in SLOW_FOLDERS:
+        if _is_slow(item.path):
             item.add_marker(pytest.mark.slow)
         chosen = str(getattr(getattr(item, "callspec", None), "params", {}))
         if "postgresql" in getattr(item, "fixturenames", ()) or "postgresql" in chosen:
