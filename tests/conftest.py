@@ -12,11 +12,6 @@ from hypothesis import settings
 
 HERE = Path(__file__).parent
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A shell starts background jobs of a script so, and every process of a test would inherit it: `exec` keeps an
-    # ignored signal, and resets a handler to the default.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-
 settings.register_profile("same", derandomize=True)
 """Derandomized: every run generates the same examples. `HYPOTHESIS_PROFILE=default` generates new ones."""
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
@@ -144,6 +139,11 @@ LONGEST = (
 
 _MARK = re.compile(r"\bmark\.(\w+)")
 _MARKS_OF_FILE = re.compile(r"^pytestmark = .*", re.MULTILINE)
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell starts background jobs of a script so, and every process of a test would inherit it: `exec` keeps an
+    # ignored signal, and resets a handler to the default.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(wrapper=True)
