@@ -24,7 +24,6 @@ SLOW = frozenset(
         "cli/judging/test_second_judge.py",
         "cli/models/test_fetching.py",
         "cli/models/test_models.py",
-        "cli/models/test_models_cards.py",
         "cli/results/test_export_video.py",
         "cli/results/test_read_only.py",
         "cli/results/test_report.py",
@@ -112,7 +111,8 @@ SLOW = frozenset(
         "web/second_judgement/test_second_judgement_in_browser.py",
     }
 )
-"""Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick."""
+"""Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick.
+A single slow test of a quick file has the mark itself."""
 
 SLOW_FOLDERS = frozenset({"fuzz", "training"})
 
