@@ -30,10 +30,10 @@ demo: setup ## Set up, run trials in the embedded apartment, print the report.
 	@echo
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
 
-# Tests of robots mostly wait, but have deadlines: they run next to the others, which yield the processor to them.
-test: setup-test check ## Set up, run all checks and tests.
-	@echo "ROS 1 and ROS 2 tests run in parallel to the others; each prints its results at its end"
-	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target --keep-going test-others test-ros1 test-ros2
+# Tests of robots mostly wait: they run next to the others, which yield the processor to them.
+test: setup-test ## Set up, run all checks and tests but the long ones.
+	@echo "checks, ROS 1 and ROS 2 tests run in parallel to the others; each prints its results at its end"
+	@$(MAKE) --no-print-directory --jobs 4 --output-sync=target --keep-going check test-others test-ros1 test-ros2
 
 # "+" keeps the progress on the screen; MAKEFLAGS would reach the commands that tests start.
 test-others: setup-test
