@@ -4,9 +4,6 @@ SHELL := /bin/bash
 BIN := .venv/bin
 DEMO_RESULTS ?= demo-results
 
-# Tests with real processes, browsers and clocks can fail on a busy machine: two reruns, which the summary lists.
-RERUN ?= --reruns 2 -r R
-
 # Each of the many processes that tests start would compile all modules again.
 export PYTHONDONTWRITEBYTECODE :=
 # A file stays in one process. tests/conftest.py puts the longest files first, which xdist keeps with the second option.
@@ -16,7 +13,7 @@ FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
-.PHONY: help demo test test-others test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
+.PHONY: help demo test test-others test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -33,20 +30,24 @@ demo: setup ## Set up, run trials in the embedded apartment, print the report.
 	@echo
 	@echo "Open an episode:  $(BIN)/vsnbench view 1 --results $(DEMO_RESULTS)        (no display? add --web)"
 
-# Tests of robots mostly wait, but have deadlines: they run next to the others, which yield the processor to them.
-test: setup-test check ## Set up, run all checks and tests.
-	@echo "ROS 1 and ROS 2 tests run in parallel to the others; each prints its results at its end"
-	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target --keep-going test-others test-ros1 test-ros2
+# Tests of robots mostly wait: they run next to the others, which yield the processor to them.
+test: setup-test ## Set up, run all checks and tests but the long ones.
+	@echo "checks, ROS 1 and ROS 2 tests run in parallel to the others; each prints its results at its end"
+	@$(MAKE) --no-print-directory --jobs 4 --output-sync=target --keep-going check test-others test-ros1 test-ros2
 
 # "+" keeps the progress on the screen; MAKEFLAGS would reach the commands that tests start.
 test-others: setup-test
-	+MAKEFLAGS= nice -n 19 $(BIN)/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "not ros and not ros2"
+	+MAKEFLAGS= nice -n 19 $(BIN)/python -m pytest -n 2 $(SPREAD) -m "not ros and not ros2 and not long"
 
 test-ros1: setup-test ## Run the tests that need ROS 1.
-	$(BIN)/python -m pytest -n 3 $(SPREAD) $(RERUN) -m ros
+	$(BIN)/python -m pytest -n 3 $(SPREAD) -m "ros and not long"
 
 test-ros2: setup-test ## Run the tests that need ROS 2.
-	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m ros2 tests/ros2
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "ros2 and not long" tests/ros2
+
+test-long: setup-test ## Run the long tests, which make test leaves out.
+	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "long and not ros2"
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros2
 
 check: setup-test ## Run linter, format check, type check and import contracts.
 	$(BIN)/ruff check .
@@ -58,7 +59,7 @@ check-fast: setup-test ## Run checks and quick tests (no ROS, browser or Postgre
 	@$(MAKE) --no-print-directory --jobs 2 --keep-going check test-quick
 
 test-quick: setup-test
-	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "not slow and not ros and not ros2 and not browser and not postgresql"
+	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "not slow and not ros and not ros2 and not browser and not postgresql and not long"
 
 fuzz: setup-test ## Feed FUZZ_COUNT invalid inputs, drawn from FUZZ_SEED, to every loader.
 	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)

@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import signal
 from collections.abc import Generator
 from pathlib import Path
 
@@ -20,9 +21,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 SLOW = frozenset(
     {
         "bundle/test_make.py",
+        "cli/evidence/test_verify.py",
         "cli/judging/test_judge.py",
         "cli/judging/test_second_judge.py",
-        "cli/evidence/test_verify.py",
         "cli/models/test_fetching.py",
         "cli/models/test_models.py",
         "cli/results/test_export_video.py",
@@ -41,10 +42,12 @@ SLOW = frozenset(
         "cli/support/test_completion.py",
         "cli/test_hostile_archive.py",
         "cli/test_protocol.py",
+        "cli/test_record_verbs.py",
         "cli/test_sites.py",
         "cli/test_sweep.py",
         "examples/test_adapters.py",
         "examples/test_frontier.py",
+        "examples/test_node_policy.py",
         "examples/test_point_robot.py",
         "files/test_disk_cache.py",
         "interop/lerobot/test_dataset.py",
@@ -52,16 +55,20 @@ SLOW = frozenset(
         "interop/test_mcap_file.py",
         "interop/test_merge.py",
         "interop/test_merge_files.py",
+        "localization/test_differences.py",
         "localization/test_matching.py",
         "models/baselines/test_oracle.py",
         "models/pirlnav/test_checkpoint.py",
+        "models/pirlnav/test_hostile_checkpoints.py",
         "models/pirlnav/test_parity.py",
         "models/pirlnav/test_policy.py",
         "models/remote/test_fuzz.py",
         "models/remote/test_policy.py",
         "models/remote/test_serving.py",
         "models/remote/test_sessions.py",
+        "models/remote/test_versions.py",
         "models/remote/test_websockets_versions.py",
+        "models/test_contract_check.py",
         "models/test_identity.py",
         "models/vlv/test_centernet.py",
         "models/vlv/test_map_against_site.py",
@@ -82,9 +89,9 @@ SLOW = frozenset(
         "results/test_record_of_0001.py",
         "robots/test_simulated.py",
         "ros1/test_installation.py",
+        "runner/disturbances/test_policy_view.py",
         "runner/executors/test_collecting.py",
         "runner/executors/test_local_pool.py",
-        "runner/disturbances/test_policy_view.py",
         "runner/executors/test_served_workers.py",
         "runner/judging/test_faces.py",
         "runner/setup/test_trial_setup.py",
@@ -106,7 +113,8 @@ SLOW = frozenset(
         "web/second_judgement/test_second_judgement_in_browser.py",
     }
 )
-"""Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick."""
+"""Files whose tests take more than 3 s of processor time, or 10 s with waiting; of each package, some stay quick.
+A single slow test of a quick file has the mark itself."""
 
 SLOW_FOLDERS = frozenset({"fuzz", "training"})
 
@@ -138,6 +146,14 @@ LONGEST = (
 )
 """Files that start first, in this order: a long file that starts last leaves the other workers idle."""
 
+_MARK = re.compile(r"\bmark\.(\w+)")
+_MARKS_OF_FILE = re.compile(r"^pytestmark = .*", re.MULTILINE)
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell starts background jobs of a script so, and every process of a test would inherit it: `exec` keeps an
+    # ignored signal, and resets a handler to the default.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
@@ -156,11 +172,23 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Skip files without a ROS test if only those are wanted: importing all files takes 10 s per worker."""
-    wanted = {"ros": r"mark\.ros\b", "ros2": r"mark\.ros2\b"}.get(config.getoption("markexpr"))
-    if wanted is None or collection_path.suffix != ".py":
+    """Skip a file if its marks exclude all its tests: importing all files takes 10 s per worker."""
+    marks: str = config.getoption("markexpr")
+    excluded = set(re.findall(r"not (\w+)", marks))
+    if "slow" in excluded and _is_slow(collection_path):
+        return True
+    if collection_path.suffix != ".py":
         return None
-    return not re.search(wanted, collection_path.read_text(encoding="utf-8")) or None
+    text = collection_path.read_text(encoding="utf-8")
+    if excluded & {mark for line in _MARKS_OF_FILE.findall(text) for mark in _MARK.findall(line)}:
+        return True
+    lane = marks.partition(" ")[0]
+    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text)) or None
+
+
+def _is_slow(path: Path) -> bool:
+    place = path.relative_to(HERE) if path.is_relative_to(HERE) else path
+    return place.as_posix() in SLOW or place.parts[:1] in {(folder,) for folder in SLOW_FOLDERS}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -168,8 +196,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if gone := sorted(name for name in {*SLOW, *LONGEST} if not (HERE / name).is_file()):
         raise pytest.UsageError(f"tests/conftest.py lists files that do not exist: {', '.join(gone)}")
     for item in items:
-        place = item.path.relative_to(HERE)
-        if place.as_posix() in SLOW or place.parts[0] in SLOW_FOLDERS:
+        if _is_slow(item.path):
             item.add_marker(pytest.mark.slow)
         chosen = str(getattr(getattr(item, "callspec", None), "params", {}))
         if "postgresql" in getattr(item, "fixturenames", ()) or "postgresql" in chosen:

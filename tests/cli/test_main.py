@@ -2,7 +2,6 @@
 
 import importlib
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -39,7 +38,6 @@ def test_ctrl_c_while_the_command_line_is_loaded_is_one_line(tmp_path: Path) -> 
         text=True,
         check=False,
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])},
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert (ended.returncode, ended.stderr) == (130, "\nvsnbench: stopped before the command started\n")
 

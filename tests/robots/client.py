@@ -24,6 +24,9 @@ class ClientError(Exception):
 class Client(Conversation):
     """Calls the methods of a robot."""
 
+    _asking = False
+    """Whether a request has no answer: it is in flight, or its test gave it up."""
+
     def __init__(
         self, network: ProcessGroup, python: tuple[str, ...], profile: Path, patience_s: float, **environment: str
     ) -> None:
@@ -31,10 +34,19 @@ class Client(Conversation):
         self._errors = log.open("ab")
         words = [*python, str(NODE), str(profile), str(patience_s)]
         super().__init__(words, network.environment | environment, self._errors)
-        assert self.line().strip() == '"ready"', log.read_text()
+        if self.line().strip() != '"ready"':
+            self.close()
+            raise AssertionError(log.read_text())
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the process runs and has answered every request."""
+        return self.popen.poll() is None and not self._asking
 
     def __call__(self, name: str, *arguments: Any) -> Any:
+        self._asking = True
         answer = json.loads(self.tell(json.dumps([name, *arguments])))
+        self._asking = False
         if "error" in answer:
             raise ClientError(f"{answer['error']}: {answer['message']}", answer["code"], answer["end_reason"])
         return answer["answer"]

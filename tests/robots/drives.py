@@ -1,6 +1,8 @@
-"""Movements of the tests of robots over ROS."""
+"""Movements of the tests of robots over ROS, and faults during them."""
 
 from typing import Any
+
+import pytest
 
 from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint, movement_to_json
 
@@ -15,3 +17,19 @@ IN_FLIGHT = {
     "velocity": movement_to_json(Velocity(0.25, 0.2, 2.0)),
 }
 """Movements during which a fault happens."""
+FAULTS = {
+    "silent": ("no odometry", True),
+    "nan": ("odometry is not finite", True),
+    "jump": ("odometry jumped", True),
+    "bumper": ("bumper", False),
+    "cliff": ("cliff", False),
+    "stuck": ("does not follow", False),
+}
+"""Faults of the base: part of the reason, and whether a sensor is lost."""
+_IN_SHORT = {("silent", "waypoint"), ("stuck", "velocity"), ("bumper", "waypoint")}
+FAULTS_IN_FLIGHT = [
+    pytest.param(movement, fault, marks=[] if (fault, movement) in _IN_SHORT else pytest.mark.long)
+    for movement in IN_FLIGHT
+    for fault in FAULTS
+]
+"""One fault of each kind; the others are long tests, and tests/sensing/test_mover_faults.py has the rules of all."""

@@ -1,19 +1,22 @@
 """A robot whose parts can fail one by one, and its client, as processes on a real ROS master."""
 
+import signal
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.robots.client import Client
-from tests.robots.fault_table import WITH_DOCTOR, Attempt, FaultRow, FaultTable, attempt, complaints, doctor_text
+from tests.robots.client import Client, can
+from tests.robots.fault_table import WITH_DOCTOR, Attempt, FaultRow, FaultTable, complaints, doctor_text
+from tests.robots.faulty_rig import FaultyRig
 from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
 
 PROFILE = HERE / "profile_of_test_base.yaml"
+_MOVES = 0.05
+"""A base with a higher speed, |m/s| + |rad/s|, moves."""
 
 
 def client_of(network: RosNetwork, patience_s: float = 6.0) -> Client:
@@ -22,7 +25,7 @@ def client_of(network: RosNetwork, patience_s: float = 6.0) -> Client:
 
 
 @dataclass
-class Rig:
+class Rig(FaultyRig):
     """A robot of parts that can fail one by one, and its client."""
 
     network: RosNetwork
@@ -42,40 +45,52 @@ class Rig:
         self.client.close()
         self.client = client_of(self.network, patience_s)
 
+    def signalled(self, number: signal.Signals) -> float:
+        """Signal the server, and return the time."""
+        self.server.signal(number)
+        return time.monotonic()
+
     def fault(self, part: str, word: str) -> float:
+        """Cause a fault, and return its time."""
         return self.probe.tell(f"/{part}/fault", word)
 
-    def moving(self, action: str) -> "Future[Any]":
-        """Request an action, and return once the base truly moves."""
-        future = self.client.later("execute", action)
-        wait_until(lambda: self.probe.speed > 0.05 or future.done(), "the base moves")
-        return future
+    @property
+    def base_moves(self) -> bool:
+        return self.probe.speed > _MOVES
 
-    def put_right(self) -> None:
-        """End every fault, and wait until the base is at rest."""
-        self.client("halt")
+    @property
+    def true_pose(self) -> tuple[float, float, float]:
+        return self.probe.pose
+
+    def make_good(self) -> None:
+        for process in (self.base, self.camera, self.server, self.client):
+            process.popen.send_signal(signal.SIGCONT)  # does nothing to a process that has ended
+        if self.base.popen.poll() is not None:
+            self.base = start_base(self.network)
+        if self.camera.popen.poll() is not None:
+            self.camera = start_camera(self.network)
+        if self.server.popen.poll() is not None:
+            self.start_server()
         for part, words in (("base", ("good", "release", "floor", "raise")), ("camera", ("good",))):
             for word in words:
                 self.fault(part, word)
+        if not self.client.is_ready:
+            self.restart_client()
+        self.client("halt")
         began_s = time.monotonic()
-        wait_until(lambda: self.probe.stopped_at(began_s) is not None, "the base stands still after the test")
+        wait_until(lambda: self.probe.stopped_at(began_s) is not None, "the base stands still before the test")
+        if not can(lambda: self.client("begin")):
+            self.restart_client()  # a client does not continue with another server
+            wait_until(lambda: can(lambda: self.client("begin")), "an episode begins", 60.0)
 
-    def stands_still_within(self, limit_s: float, since_s: float) -> bool:
-        return self.rest_s(since_s) < limit_s
+    def stood_after(self, fault_s: float) -> float:
+        wait_until(lambda: self.probe.stopped_at(fault_s) is not None, "the base stands still")
+        return float(self.probe.stopped_at(fault_s)) - fault_s
 
-    def rest_s(self, since_s: float) -> float:
-        """Return the time from a fault to the base's rest for good."""
-        wait_until(lambda: self.probe.stopped_at(since_s) is not None, "the base stands still")
-        return float(self.probe.stopped_at(since_s)) - since_s
-
-    def zero_s(self, since_s: float) -> float:
+    def zeroed_after(self, fault_s: float) -> float:
         """Return the time from a fault to the first of the zero velocities that the base receives for good."""
-        wait_until(lambda: self.probe.zeroed_at(since_s) is not None, "zero velocity is commanded")
-        return float(self.probe.zeroed_at(since_s)) - since_s
-
-    def second(self, name: str, *arguments: Any) -> Attempt:
-        """Request another movement."""
-        return attempt(self.client, lambda: self.probe.pose, name, *arguments)
+        wait_until(lambda: self.probe.zeroed_at(fault_s) is not None, "zero velocity is commanded")
+        return float(self.probe.zeroed_at(fault_s)) - fault_s
 
     def doctor(self, *words: str) -> str:
         """Return the findings of `doctor`, if the table is measured."""
@@ -90,21 +105,26 @@ class Rig:
         if WITH_DOCTOR:
             self.healthy = frozenset(self._complaints())
 
-    def times(self, since_s: float) -> tuple[float, float]:
-        """Return the times from a fault to zero velocity and to rest, before the next request."""
-        return self.zero_s(since_s), self.rest_s(since_s)
-
     def row(
         self,
         cause: str,
         result: dict[str, Any],
-        times: tuple[float, float] | tuple[None, None],
+        times: tuple[float | None, float | None],
         doctor: str,
         second: Attempt | str,
     ) -> None:
         """Add a row; a base at rest has no times."""
         why = result["failure"] or result.get("blocked", "")
         self.table.rows.append(FaultRow(cause, *times, result["end_reason"], why, doctor, str(second)))
+
+
+def start_base(network: RosNetwork) -> Process:
+    """Start a base that only stops on command."""
+    return network.start(HERE / "nodes" / "kinematic_base.py", "_heading_deg:=-72", "_command_timeout_s:=1000")
+
+
+def start_camera(network: RosNetwork) -> Process:
+    return network.start(HERE / "nodes" / "camera.py")
 
 
 def start_server(network: RosNetwork) -> Process:
@@ -117,13 +137,12 @@ def start_server(network: RosNetwork) -> Process:
 def live_rig(directory: Path) -> Iterator[Rig]:
     """A robot whose base only stops on command."""
     with live_network(directory) as network:
-        base = network.start(HERE / "nodes" / "kinematic_base.py", "_heading_deg:=-72", "_command_timeout_s:=1000")
-        camera = network.start(HERE / "nodes" / "camera.py")
+        base, camera = start_base(network), start_camera(network)
         server = start_server(network)
         client, probe = client_of(network), Probe(network)
         rig = Rig(network, probe, base, camera, server, client)
-        rig.examine_healthy()
         try:
+            rig.examine_healthy()
             yield rig
         finally:
             rig.table.write()

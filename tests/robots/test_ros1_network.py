@@ -21,10 +21,10 @@ def shared_rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 
 
 @pytest.fixture
-def rig(shared_rig: Rig) -> Iterator[Rig]:
-    """The shared robot, repaired after the test."""
-    yield shared_rig
-    shared_rig.put_right()
+def rig(shared_rig: Rig) -> Rig:
+    """The shared robot, in a new episode."""
+    shared_rig.make_good()
+    return shared_rig
 
 
 def refusal(rig: Rig) -> ClientError:
@@ -77,8 +77,6 @@ def test_a_server_that_drives_too_far_is_stopped_after_10_cm(rig) -> None:
         assert 0.35 <= result["displacement_m"] < 0.6
     finally:
         other.end()
-        rig.start_server()
-        rig.restart_client()
 
 
 def test_a_server_that_replaces_ours_is_another_campaign(rig) -> None:
@@ -91,7 +89,6 @@ def test_a_server_that_replaces_ours_is_another_campaign(rig) -> None:
         wait_until(lambda: refusal(rig).code == "server-changed", "the change is reported")
     finally:
         other.end()
-        rig.start_server()
 
 
 def test_a_server_that_steers_another_topic_is_refused_with_both_topics(rig) -> None:
@@ -104,7 +101,6 @@ def test_a_server_that_steers_another_topic_is_refused_with_both_topics(rig) -> 
         assert "/elsewhere" in str(refused)
     finally:
         other.end()
-        rig.start_server()
 
 
 def test_a_second_server_of_another_name_is_refused_and_names_the_first(rig) -> None:

@@ -9,20 +9,23 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
+
+import pytest
 
 from tests.processes import Process, ProcessGroup, wait_until
 from tests.robots.client import Client
-from tests.robots.fault_table import WITH_DOCTOR, Attempt, FaultTable, attempt, complaints, doctor_text
+from vsnbench.robots.profiles import load_profile
+from vsnbench.robots.ros.watchdog import WatchdogMeasurement, store_measurement
 
 HERE = Path(__file__).parent
 PROFILE = HERE / "profile_of_test_base.yaml"
+_FAST_DDS = "rmw_fastrtps_cpp"
 
 
 def is_bound(to_bind: socket.socket, host: str, port: int) -> bool:
@@ -57,17 +60,31 @@ class Graph2(ProcessGroup):
     """A graph: a domain and its processes."""
 
     domain: Domain = field(default_factory=Domain)
-    state: Path | None = None
-    """Directory of watchdog measurements; default: one for this graph."""
+    shares_memory: bool = False
+    """Whether processes share memory, which full-size images need.
+
+    With shared memory, the default of Fast DDS on one machine, a killed process may leave a lock for which the others
+    wait for up to 2 s. A robot and its workstation are two machines, without shared memory between them, so a graph of
+    tests uses the network interface.
+    """
 
     @property
     def environment(self) -> dict[str, str]:
+        if self.shares_memory or os.environ.get("RMW_IMPLEMENTATION", _FAST_DDS) != _FAST_DDS:
+            reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        else:
+            settings = str(HERE / "loopback.xml")
+            reach = {
+                "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+                "FASTDDS_DEFAULT_PROFILES_FILE": settings,
+                "FASTRTPS_DEFAULT_PROFILES_FILE": settings,  # the name before Fast DDS 3
+            }
         return {
             **os.environ,
+            **reach,
             "ROS_DOMAIN_ID": str(self.domain.number),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.directory),
-            "XDG_STATE_HOME": str(self.state or self.directory / "state"),
+            "XDG_STATE_HOME": str(self.directory / "state"),
             "PYTHONPATH": os.pathsep.join(
                 [
                     *(str(HERE.parent.parent), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")),
@@ -140,74 +157,25 @@ def client_of(graph: Graph2, profile: Path = PROFILE, patience_s: float = 20.0) 
 
 @cache
 def measured_watchdog() -> Path:
-    """Measure the watchdog of the tests' base with `vsnbench doctor --move`; return its directory."""
+    """Return a directory of XDG_STATE_HOME with a passed measurement of the watchdog of the tests' base.
+
+    tests/ros2/test_doctor.py measures one.
+    """
     directory = Path(mkdtemp(prefix="watchdog"))
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
-    with live_graph(directory) as graph:
-        robot = graph.start(HERE / "nodes" / "robot.py")
-        send_line(robot, "timeout 0.5")
-        doctor = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", directory)
-        doctor.wait(120)
-        assert "the base stopped" in doctor.output, doctor.output
-    return directory / "state"
-
-
-@dataclass
-class Rig2:
-    """A robot whose base has no watchdog unless one is set, and its client."""
-
-    graph: Graph2
-    robot: Process
-    client: Client
-    node: Process | None = None
-    table: FaultTable = field(default_factory=lambda: FaultTable("ROS 2"))
-    healthy: frozenset[str] = frozenset()
-    """Checks of `doctor` that are not ok of the healthy robot."""
-
-    def moving(self, action: str) -> "Future[Any]":
-        """Request an action, and return once the base moves."""
-        future = self.client.later("execute", action)
-        wait_until(lambda: moves(self.robot) or future.done(), "the base moves")
-        assert not future.done(), future.result()
-        return future
-
-    def stood_after(self, fault_s: float) -> float:
-        """Return the time from a fault to the base's rest."""
-        wait_until(lambda: stands_since(self.robot) is not None, "the base stands")
-        return float(stands_since(self.robot)) - fault_s
-
-    def zeroed_after(self, fault_s: float) -> float | None:
-        """Return the time from a fault to the final command of zero velocity, None before it."""
-        zeroed_s = zeroed_since(self.robot)
-        return None if zeroed_s is None else zeroed_s - fault_s
-
-    def second(self, name: str, *arguments: Any) -> Attempt:
-        """Request another movement."""
-        return attempt(self.client, lambda: true_pose(self.robot), name, *arguments)
-
-    def doctor(self, *words: str) -> str:
-        """Return the findings of `doctor`, if the table is measured."""
-        return doctor_text(self._complaints(*words)) if WITH_DOCTOR else "–"
-
-    def _complaints(self, *words: str) -> dict[str, str]:
-        where = ["--robot", PROFILE, "--results", self.graph.directory / "results", "--json"]
-        state = {"XDG_STATE_HOME": str(measured_watchdog())}
-        return complaints(self.graph.vsnbench("doctor", *where, *words, **state), self.healthy)
-
-    def examine_healthy(self) -> None:
-        """Store the findings of `doctor` about the healthy robot."""
-        if WITH_DOCTOR:
-            self.healthy = frozenset(self._complaints())
-
-    def put_right(self) -> None:
-        for words in ("good", "release"):
-            send_line(self.robot, words)
-        self.client("halt")
+    profile = load_profile(str(PROFILE))
+    passed = WatchdogMeasurement(
+        robot=profile.name, stated_s=0.5, allowed_s=0.9, stopped_s=0.5, measured_at=datetime.now(UTC)
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(directory))
+        store_measurement(passed, profile, simulated=False)
+    return directory
 
 
 @contextmanager
-def live_graph(directory: Path) -> Iterator[Graph2]:
-    graph = Graph2(directory)
+def live_graph(directory: Path, *, shares_memory: bool = False) -> Iterator[Graph2]:
+    graph = Graph2(directory, shares_memory=shares_memory)
     try:
         yield graph
     finally:
@@ -218,19 +186,3 @@ def start_discrete_move(graph: Graph2) -> Process:
     node = graph.vsnbench("robots", "serve", PROFILE)
     wait_until(lambda: "executing movements" in node.output, "discrete_move is up")
     return node
-
-
-@contextmanager
-def live_rig(directory: Path, *, next_to_base: bool) -> Iterator[Rig2]:
-    """A robot steered by this machine, or next to its base, which then subscribes to TwistStamped."""
-    with live_graph(directory) as graph:
-        robot = graph.start(HERE / "nodes" / "robot.py", *(["--stamped"] if next_to_base else []))
-        node = start_discrete_move(graph) if next_to_base else None
-        rig = Rig2(graph, robot, client_of(graph), node)
-        rig.table.title = f"ROS 2, {'next to the base' if next_to_base else 'workstation'}"
-        rig.examine_healthy()
-        try:
-            yield rig
-        finally:
-            rig.table.write()
-            rig.client.close()

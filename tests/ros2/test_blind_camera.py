@@ -8,7 +8,7 @@ import pytest
 from tests.robots.blind_camera import BENCHMARK, ENDINGS
 from tests.ros2.graph import live_graph
 
-pytestmark = pytest.mark.ros2
+pytestmark = [pytest.mark.ros2, pytest.mark.long]
 
 ATTEMPTS = 4
 """On a machine with other work the odometry may fall silent for a second, and the episode ends for that reason."""
@@ -16,7 +16,7 @@ ATTEMPTS = 4
 
 def test_a_faulty_camera_ends_the_episode_with_its_reason(tmp_path: Path) -> None:
     unnoticed = dict(ENDINGS)
-    with live_graph(tmp_path) as graph:
+    with live_graph(tmp_path, shares_memory=True) as graph:
         for _ in range(ATTEMPTS):
             wanted = [word for fault in unnoticed for word in ("--fault", fault)]
             driven = graph.start(BENCHMARK, "ros2", "--json", "--starts", "2", "--actions", "30", *wanted)

@@ -4,58 +4,48 @@ import math
 import signal
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.processes import wait_until
-from tests.robots.drives import FREE, IN_FLIGHT
+from tests.robots.drives import FAULTS, FAULTS_IN_FLIGHT, FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
+from tests.robots.faulty_rig import STOPS_WITHIN_S, Ending
 from tests.ros1.network import PATIENCE_S
-from tests.ros2.graph import Rig2, is_at, live_rig, moves, send_line, true_pose
+from tests.ros2.graph import is_at, send_line, true_pose
+from tests.ros2.rig import Rig2, live_rig
 
 pytestmark = pytest.mark.ros2
-AT_REST_S = 1.0
-"""Limit from a fault to the command of zero velocity, and to rest, measured at the base."""
-NEXT_TO_BASE = pytest.mark.parametrize("rig", ["next to the base"], indirect=True)
+NEXT_TO_BASE = pytest.mark.parametrize("shared_rig", ["next to the base"], indirect=True)
+CAMERA_SILENT_S = 1.0
+"""The camera is silent for longer than any image counts (0.5 s), also if the last one was late."""
 
 
 @pytest.fixture(scope="module", params=["workstation", "next to the base"])
-def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig2]:
-    with live_rig(tmp_path_factory.mktemp("ros2"), next_to_base=request.param == "next to the base") as shared:
-        yield shared
+def shared_rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig2]:
+    with live_rig(tmp_path_factory.mktemp("ros2"), next_to_base=request.param == "next to the base") as one:
+        yield one
 
 
-def driving(rig: Rig2, movement: dict[str, Any]) -> "Future[Any]":
-    """Start a movement in a new episode, and return once the base is really moving."""
-    rig.client("begin")
-    future = rig.client.later("drive", movement)
-    wait_until(lambda: moves(rig.robot) or future.done(), "the base moves")
-    assert not future.done(), future.result()
-    return future
+@pytest.fixture
+def rig(shared_rig: Rig2) -> Rig2:
+    """The shared robot, in a new episode."""
+    shared_rig.make_good()
+    return shared_rig
 
 
-def end(rig: Rig2, cause: str, future: "Future[Any]", fault_s: float, movement: dict[str, Any]) -> dict[str, Any]:
-    """Check that the base was at rest in time, and that no further movement starts while the fault lasts."""
-    stood_s = rig.stood_after(fault_s)
-    result = future.result(PATIENCE_S)
-    zeroed_s = rig.zeroed_after(fault_s)
-    second = rig.second("drive", movement)
-    why = result["failure"] or result["blocked"]
-    rig.table.rows.append(FaultRow(cause, zeroed_s, stood_s, result["end_reason"], why, "–", str(second)))
-    assert result["completed"] is False
+def check(rig: Rig2, cause: str, end: Ending, movement: str, says: str) -> None:
+    """Check that the base stopped, and that no further movement starts while the fault lasts."""
+    second = rig.second("drive", IN_FLIGHT[movement])
+    reason = end.result["end_reason"], end.why
+    rig.table.rows.append(FaultRow(f"{movement}: {cause}", *end.times, *reason, "–", str(second)))
+    end.check(says)
     assert not second.started
-    assert zeroed_s is not None
-    assert max(zeroed_s, stood_s) < AT_REST_S
-    return dict(result)
 
 
 @pytest.mark.parametrize("name", FREE)
 def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
     movement, (x_m, y_m) = FREE[name]
-    rig.client("begin")
     before = rig.client("observe")["pose"]
     result = rig.client("drive", movement)
     assert (result["completed"], result["failure"], result["blocked"]) == (True, "", "")
@@ -66,99 +56,82 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
     assert rig.client("kinds") == ["discrete", "move", "trajectory", "velocity", "waypoint"]
 
 
-@pytest.mark.parametrize("movement", IN_FLIGHT)
-@pytest.mark.parametrize(
-    ("fault", "sensor_lost"),
-    [("silent", True), ("nan", True), ("jump", True), ("bumper", False), ("cliff", False), ("stuck", False)],
-)
-def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str, sensor_lost: bool) -> None:
-    future = driving(rig, IN_FLIGHT[movement])
-    fault_s = send_line(rig.robot, fault)
-    try:
-        result = end(rig, f"{movement}: {fault}", future, fault_s, IN_FLIGHT[movement])
-    finally:
-        rig.put_right()
-    assert result["failure"]
-    assert result["sensor_lost"] is sensor_lost
+@pytest.mark.parametrize(("movement", "fault"), FAULTS_IN_FLIGHT)
+def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str) -> None:
+    says, sensor_lost = FAULTS[fault]
+    end = rig.end_by(lambda: send_line(rig.robot, fault), says, "drive", IN_FLIGHT[movement])
+    check(rig, fault, end, movement, says)
+    assert end.result["sensor_lost"] is sensor_lost
 
 
-@pytest.mark.parametrize("movement", IN_FLIGHT)
+@pytest.mark.parametrize("movement", ["waypoint", pytest.param("velocity", marks=pytest.mark.long)])
 def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -> None:
-    future = driving(rig, IN_FLIGHT[movement])
-    fault_s = send_line(rig.robot, "blind")
-    try:
-        result = end(rig, f"{movement}: camera silent", future, fault_s, IN_FLIGHT[movement])
-    finally:
-        rig.put_right()
-    assert result["blocked"]
+    end = rig.end_by(lambda: send_line(rig.robot, "blind"), "no depth image", "drive", IN_FLIGHT[movement])
+    ended_s = time.monotonic()
+    wait_until(lambda: time.monotonic() - ended_s > CAMERA_SILENT_S, "the camera is silent for a while")
+    check(rig, "camera silent", end, movement, "no depth image")
+    assert end.result["blocked"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("movement", IN_FLIGHT)
 def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str) -> None:
     """The node next to the base, or the base's own limit, stops it; the resumed workstation does not continue."""
-    send_line(rig.robot, "timeout 0.5" if rig.node is None else "timeout 1000")
-    try:
-        future = driving(rig, IN_FLIGHT[movement])
-        stop_s = time.monotonic()
-        rig.client.popen.send_signal(signal.SIGSTOP)
-        try:
-            stood_s = rig.stood_after(stop_s)
-            wait_until(lambda: time.monotonic() - stop_s > 1.5, "the workstation was stopped for a while")
-            stood_at = true_pose(rig.robot)
-        finally:
-            rig.client.popen.send_signal(signal.SIGCONT)
-        result = future.result(PATIENCE_S)
-        why = result["failure"] or result["blocked"]
-        row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
-        rig.table.rows.append(row)
-    finally:
-        send_line(rig.robot, "timeout 1000")
+    if rig.node is None:
+        send_line(rig.robot, "timeout 0.5")
+    future = rig.moving("drive", IN_FLIGHT[movement])
+    stop_s = time.monotonic()
+    rig.client.popen.send_signal(signal.SIGSTOP)
+    stood_s = rig.stood_after(stop_s)
+    wait_until(lambda: time.monotonic() - stop_s > 1.5, "the workstation was stopped for a while")
+    stood_at = true_pose(rig.robot)
+    rig.client.popen.send_signal(signal.SIGCONT)
+    result = future.result(PATIENCE_S)
+    why = result["failure"] or result["blocked"]
+    row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
+    rig.table.rows.append(row)
     assert result["completed"] is False
     assert is_at(rig.robot, stood_at)
-    assert stood_s < AT_REST_S
+    assert stood_s < STOPS_WITHIN_S
+
+
+def signalled(rig: Rig2, number: signal.Signals) -> float:
+    """Signal the node next to the base, and return the time."""
+    assert rig.node is not None
+    rig.node.signal(number)
+    return time.monotonic()
 
 
 @NEXT_TO_BASE
-@pytest.mark.parametrize("movement", IN_FLIGHT)
+@pytest.mark.parametrize("movement", ["velocity", pytest.param("waypoint", marks=pytest.mark.long)])
 def test_a_stopped_node_next_to_the_base_stops_it(rig: Rig2, movement: str) -> None:
-    assert rig.node is not None
-    future = driving(rig, IN_FLIGHT[movement])
-    lost_s = time.monotonic()
-    rig.node.signal(signal.SIGSTOP)
-    try:
-        end(rig, f"{movement}: discrete_move stopped", future, lost_s, IN_FLIGHT[movement])
-        stood_at = true_pose(rig.robot)
-    finally:
-        rig.node.signal(signal.SIGCONT)
-    resumed_s = time.monotonic()
+    end = rig.end_by(lambda: signalled(rig, signal.SIGSTOP), "has not steered", "drive", IN_FLIGHT[movement])
+    check(rig, "discrete_move stopped", end, movement, "has not steered")
+    stood_at = true_pose(rig.robot)
+    resumed_s = signalled(rig, signal.SIGCONT)
     wait_until(lambda: time.monotonic() - resumed_s > 1.0, "the resumed node could act on the old requests")
     assert is_at(rig.robot, stood_at)
-    rig.client("begin")
 
 
+@NEXT_TO_BASE
+@pytest.mark.long
 @pytest.mark.parametrize("movement", IN_FLIGHT)
-def test_a_killed_node_next_to_the_base_stops_it(tmp_path: Path, movement: str) -> None:
-    """Uses its own graph, because a killed process disturbs later ones on the same machine."""
-    with live_rig(tmp_path, next_to_base=True) as rig:
-        assert rig.node is not None
-        future = driving(rig, IN_FLIGHT[movement])
-        lost_s = time.monotonic()
-        rig.node.popen.kill()
-        end(rig, f"{movement}: discrete_move killed", future, lost_s, IN_FLIGHT[movement])
+def test_a_killed_node_next_to_the_base_stops_it(rig: Rig2, movement: str) -> None:
+    end = rig.end_by(lambda: signalled(rig, signal.SIGKILL), "has not steered", "drive", IN_FLIGHT[movement])
+    check(rig, "discrete_move killed", end, movement, "has not steered")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("movement", IN_FLIGHT)
-@pytest.mark.parametrize("who", ["workstation", "next to the base"])
-def test_a_killed_workstation_leaves_a_base_at_rest(tmp_path: Path, movement: str, who: str) -> None:
-    with live_rig(tmp_path, next_to_base=who == "next to the base") as rig:
-        if rig.node is None:
-            send_line(rig.robot, "timeout 0.5")
-        future = driving(rig, IN_FLIGHT[movement])
-        kill_s = time.monotonic()
-        rig.client.popen.kill()
-        stood_s = rig.stood_after(kill_s)
-        assert future.exception(PATIENCE_S) is not None
-        zeroed_s, stood_at = rig.zeroed_after(kill_s), true_pose(rig.robot)
-        rig.table.rows.append(FaultRow(f"{movement}: workstation killed", zeroed_s, stood_s, "interrupted", ""))
-        assert stood_s < AT_REST_S
-        assert is_at(rig.robot, stood_at)
+def test_a_killed_workstation_leaves_a_base_at_rest(rig: Rig2, movement: str) -> None:
+    if rig.node is None:
+        send_line(rig.robot, "timeout 0.5")
+    future = rig.moving("drive", IN_FLIGHT[movement])
+    kill_s = time.monotonic()
+    rig.client.popen.kill()
+    stood_s = rig.stood_after(kill_s)
+    assert future.exception(PATIENCE_S) is not None
+    zeroed_s, stood_at = rig.zeroed_after(kill_s), true_pose(rig.robot)
+    rig.table.rows.append(FaultRow(f"{movement}: workstation killed", zeroed_s, stood_s, "interrupted", ""))
+    assert stood_s < STOPS_WITHIN_S
+    assert is_at(rig.robot, stood_at)

@@ -8,14 +8,14 @@ from tests.processes import wait_until
 from tests.ros2.graph import live_graph
 from tests.web.ros_operator import NAME, rehearse, written_profile
 
-pytestmark = pytest.mark.ros2
+pytestmark = [pytest.mark.ros2, pytest.mark.long]
 
 
 def test_a_rehearsal_over_ros_2_is_placed_and_judged_on_the_page(tmp_path) -> None:
     profile = str(written_profile("turtlebot4", tmp_path))
     robot = ["--robot", profile]
     words = ["run", *robot, "--model", "oracle", "--goal", "sofa", "--starts", "7", "--console=:0"]
-    with live_graph(tmp_path) as graph:
+    with live_graph(tmp_path, shares_memory=True) as graph:
         played = graph.vsnbench("robots", "simulate", "--rehearse", profile)
         wait_until(lambda: "simulating" in played.output, "the robot is simulated", 150)  # after the first compilation
         measured = graph.vsnbench("doctor", *robot, "--move", "--results", tmp_path / "doctor")

@@ -52,6 +52,7 @@ def test_a_base_is_driven_by_the_odometry_of_its_frames(tmp_path) -> None:
             client.close()
 
 
+@pytest.mark.long
 def test_a_session_names_frames_that_do_not_connect(tmp_path) -> None:
     with (
         live_tf_robot(tmp_path, "--no-fixed") as (graph, profile, _),
@@ -60,6 +61,7 @@ def test_a_session_names_frames_that_do_not_connect(tmp_path) -> None:
         client_of(graph, profile, 2.0)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(HAS_TF, reason="this machine has tf2_msgs")
 def test_doctor_reports_that_tf2_msgs_is_missing(tmp_path) -> None:
     with live_tf_robot(tmp_path) as (graph, profile, _):

@@ -21,8 +21,8 @@ def serve(graph: Graph2, base: str) -> Process:
     ("base", "code", "says"),
     [
         ("leaves", 0, "the robot has left its dock"),
-        ("stays", 1, "/undock failed"),
-        ("refuses", 1, "the base refused /undock"),
+        pytest.param("stays", 1, "/undock failed", marks=pytest.mark.long),
+        pytest.param("refuses", 1, "the base refused /undock", marks=pytest.mark.long),
     ],
 )
 def test_the_result_of_the_action_is_reported(tmp_path, base: str, code: int, says: str) -> None:

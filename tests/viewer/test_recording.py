@@ -215,7 +215,5 @@ def test_closing_the_viewer_does_not_stop_the_recording(tmp_path: Path) -> None:
             if number == 5:
                 viewer.close()
             recording.add(entry)
-        began = time.perf_counter()
-    assert time.perf_counter() - began < 5
-    assert recording.close() == ""
+    assert recording.close() == "", "a recording that the viewer holds up is abandoned after CLOSE_TIMEOUT_S"
     assert steps_of(tmp_path / "episode.rrd", "/status") == list(range(1, 21))

@@ -27,7 +27,7 @@ class Browser:
     address: str
     cookie: str = ""
     csrf_token: str = ""
-    timeout_s: float = 20.0
+    timeout_s: float = 60.0
     host: str = field(init=False)
 
     def __post_init__(self) -> None:

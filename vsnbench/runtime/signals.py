@@ -6,7 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Self
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+def stop_signals() -> tuple[signal.Signals, ...]:
+    """Return the signals that end a task: SIGINT, SIGTERM, and SIGHUP unless this process was started to ignore it.
+
+    `nohup` ignores SIGHUP, so that a task survives its terminal. SIGINT counts even if the parent ignores it, as a
+    shell does for background jobs of a script: a robot must always be stoppable.
+    """
+    survives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    return (signal.SIGINT, signal.SIGTERM, *(() if survives_terminal else (signal.SIGHUP,)))
 
 
 class EndAsked:
@@ -36,15 +44,15 @@ class EndAsked:
         return self._asked
 
     def listen(self) -> Self:
-        """Request the end on SIGINT, SIGTERM and SIGHUP; call this in the main thread."""
-        for number in _SIGNALS:
+        """Request the end on each of `stop_signals()`; call this in the main thread."""
+        for number in stop_signals():
             signal.signal(number, lambda *_: self.ask())
         return self
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Request the end on SIGINT, SIGTERM and SIGHUP inside the block; restore the previous handlers afterwards."""
-        before = {number: signal.getsignal(number) for number in _SIGNALS}
+        """Request the end on each of `stop_signals()` inside the block; restore the previous handlers afterwards."""
+        before = {number: signal.getsignal(number) for number in stop_signals()}
         self.listen()
         try:
             yield

@@ -91,7 +91,7 @@ def test_the_page_is_served_until_ctrl_c(results: Path) -> None:
         state = entered(process.stdout.readline().strip()).ask("GET", "/state").json
         assert (state["rater"], state["total"], state["answers"]) == ("Grace", 3, [])
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
     finally:
         process.kill()
     assert re.findall(r"(\d of \d) episodes", err) == ["0 of 3", "0 of 3"]

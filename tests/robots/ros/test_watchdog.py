@@ -2,13 +2,16 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.ros2 import stored_watchdog_result
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.watchdog import (
     WatchdogMeasurement,
+    require_watchdog,
     stopped_after_s,
     store_measurement,
     stored_measurement,
@@ -68,3 +71,29 @@ def test_a_simulated_base_another_timeout_and_a_broken_file_do_not_count(
     (file,) = (tmp_path / "vsnbench" / "watchdogs").iterdir()
     file.write_text("{")
     assert stored_measurement(PROFILE, simulated=True) is None
+
+
+def link(*, steers: bool = True, rehearsal: bool | None = None) -> SimpleNamespace:
+    """A connection to a robot, simulated if `rehearsal` is set."""
+    account = None if rehearsal is None else SimpleNamespace(is_rehearsal=rehearsal)
+    return SimpleNamespace(
+        steer=(lambda _: None) if steers else None, snapshot=lambda: SimpleNamespace(simulation=account)
+    )
+
+
+@pytest.mark.parametrize("rehearsal", [None, True])
+def test_a_base_is_steered_only_after_a_passed_measurement(
+    rehearsal: bool | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    require_watchdog(link(steers=False, rehearsal=rehearsal), PROFILE)  # the node next to the base stops it
+    with pytest.raises(RobotError) as refused:
+        require_watchdog(link(rehearsal=rehearsal), PROFILE)
+    assert refused.value.code == "watchdog-not-measured"
+    for stopped_s in (1.2, None):
+        store_measurement(measured(stopped_s), PROFILE, simulated=rehearsal is not None)
+        with pytest.raises(RobotError) as refused:
+            require_watchdog(link(rehearsal=rehearsal), PROFILE)
+        assert refused.value.code == "watchdog-failed"
+    store_measurement(measured(0.5), PROFILE, simulated=rehearsal is not None)
+    require_watchdog(link(rehearsal=rehearsal), PROFILE)

@@ -135,6 +135,19 @@ with StopRequests() as stop:
 """
 
 
+NOHUP = """
+import signal
+from vsnbench.runner.stopping.requests import StopRequests
+with StopRequests():
+    print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
+"""
+
+
+def test_a_run_under_nohup_survives_its_terminal_and_still_ends_with_ctrl_c() -> None:
+    words = ["bash", "-c", 'trap "" HUP INT; exec "$@"', "bash", sys.executable, "-c", NOHUP]
+    assert subprocess.check_output(words, text=True) == "True False\n"
+
+
 def test_a_signal_to_process_and_group_counts_once() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", CLOSING], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -22,6 +22,7 @@ from types import FrameType, TracebackType
 from typing import Self
 
 from vsnbench.errors import ExitCode
+from vsnbench.runtime.signals import stop_signals
 
 HALT_TIMEOUT_S = 2.0
 """Time for the robot to halt before the process is forced to end."""
@@ -30,7 +31,6 @@ TOGETHER_S = 0.5
 """SIGTERM and SIGHUP within this time of the first signal belong to it, because `timeout` and service managers signal a
 process and then its group. A second Ctrl-C counts at once."""
 _REMIND_S = 0.1
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _WAKE = signal.SIGUSR1
 
 
@@ -94,6 +94,7 @@ class StopRequests:
         self._acted_on: StopRequest | None = None
         """The last request raised inside `interruptible()`."""
         self._interruptible = False
+        self._signals: tuple[signal.Signals, ...] = ()
         self._previous: dict[int, signal._HANDLER] = {}
         self._main = threading.main_thread().ident
         self._inside = False
@@ -102,7 +103,8 @@ class StopRequests:
         """Held while the main thread is signalled: without its handler the signal would end the process."""
 
     def __enter__(self) -> Self:
-        for number in _SIGNALS:
+        self._signals = stop_signals()
+        for number in self._signals:
             self._previous[number] = signal.signal(number, self._received)
         self._previous[_WAKE] = signal.signal(_WAKE, self._woken)
         # Python's handlers wait for the main thread; the wakeup descriptor is written at once.
@@ -204,7 +206,7 @@ class StopRequests:
                     received = self._wakeup_read.recv(1)
                 if not received:
                     return
-                if received[0] in _SIGNALS:
+                if received[0] in self._signals:
                     first_s = first_s or time.monotonic()
                     if received[0] != signal.SIGINT and signals and time.monotonic() - first_s < TOGETHER_S:
                         continue
