@@ -16,7 +16,7 @@ FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
-.PHONY: help demo test test-others test-ros1 test-ros2 check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
+.PHONY: help demo test test-others test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -47,6 +47,10 @@ test-ros1: setup-test ## Run the tests that need ROS 1.
 
 test-ros2: setup-test ## Run the tests that need ROS 2.
 	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m ros2 tests/ros2
+
+test-long: setup-test ## Run the long tests, which make test leaves out.
+	scripts/install_ros2.sh long
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros2
 
 check: setup-test ## Run linter, format check, type check and import contracts.
 	$(BIN)/ruff check .
