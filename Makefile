@@ -47,9 +47,6 @@ test-ros2: setup-test ## Run the tests that need ROS 2.
 
 test-long: setup-test ## Run the long tests, which make test leaves out.
 	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "long and not ros2"
-	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros2
-
-test-long: setup-test ## Run the long tests, which make test leaves out.
 	scripts/install_ros2.sh long
 	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros2
 

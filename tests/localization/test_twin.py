@@ -38,3 +38,11 @@ def _face(axis: int, at_m: float) -> int:
     there &= np.abs(corners[:, 0, axis] - at_m) < 0.03
     span_m = np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)
     return int(np.argmax(np.where(there, span_m, 0.0)))
+
+
+def test_nothing_below_the_ceiling_is_there_that_no_survey_has() -> None:
+    """A real room has no lights where the simulator puts them, and each facet of a light would count as a wall."""
+    ceiling_m = APARTMENT.ceiling_height_m
+    heights_m = TWIN.drawer.mesh.corners[TWIN.object_of == 0][:, :, 2]
+    hanging = (heights_m > ceiling_m - 0.06) & (heights_m < ceiling_m - 0.001)
+    assert not hanging.all(axis=1).any()

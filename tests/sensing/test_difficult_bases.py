@@ -23,6 +23,8 @@ BASES = {
     "exact wheels and a noisy gyro": (BaseDynamics(heading_noise_deg=0.04), 1.5),
     "drifts to the side": (LATE.model_copy(update={"crab": 0.02}), 1.5),
     "deaf to slow commands": (LATE.model_copy(update={"deadband_m_s": 0.05, "deadband_rad_s": 0.1}), 1.7),
+    "turns more than commanded": (BaseDynamics(dead_time_s=0.1, turn_gain=1.5), 2.6),
+    "turns less than commanded": (LATE.model_copy(update={"turn_gain": 0.5}), 2.8),
     "walks": (LATE.model_copy(update={"sway_m": 0.008, "sway_hz": 2.5, "crab": 0.01}), 1.6),
 }
 

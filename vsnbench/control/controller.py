@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.correction import COARSE, Correction
 from vsnbench.control.law import (
     acceleration,
     braking_speed,
@@ -23,8 +24,6 @@ from vsnbench.control.standstill import QUIET, STILL_SHARE, RemainingFilter, Res
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose, wrap_angle
 
-_COARSE = 4.0
-"""Errors above this multiple of the tolerance are corrected under feedback, smaller ones by dead reckoning."""
 _LEARNING_SHARES = (0.1, 0.6)
 """Part of the distance on which the dead time is measured: after standing still, before braking."""
 _STALE_SHARE = 0.5
@@ -106,8 +105,6 @@ class MotionController(Controller):
         self._sent = SentCommands(response)
         self._target = target
         self._still_since: _Mark | None = None
-        self._correction = 0.0
-        self._fastest = 0.0
         self._commands: list[_Mark] = []
         self._window: RestWindow | None = None
         self._smoothing: RemainingFilter | None = None
@@ -122,7 +119,7 @@ class MotionController(Controller):
         self._limit_s = ideal_duration_s(action, settings) + settings.timeout_s
         self._period_s = settings.control_period_s
         self._stall_s = settings.stall_s
-        self._stall = StallMonitor(settings.stall_s, _COARSE * settings.tolerance(action))
+        self._stall = StallMonitor(settings.stall_s, COARSE * settings.tolerance(action))
         self._odometry_timeout_s = settings.odometry_timeout_s
         self._tolerance = settings.tolerance(action)
         self._acceleration = acceleration(action, settings)
@@ -130,6 +127,7 @@ class MotionController(Controller):
         self._slowest = SlowestVelocity(
             response.slowest_rad_s if self._turns else response.slowest_m_s, self._cruise, self._tolerance, settings
         )
+        self._correction = Correction(self._tolerance, self._slowest, knows_delay=self._knows_response)
         self._slowest_turn = SlowestVelocity(response.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         if not is_quiet(spread := noise.along(turns=self._turns), self._tolerance):
             self._window = RestWindow(spread, start_error, self._tolerance)
@@ -213,13 +211,13 @@ class MotionController(Controller):
         pending: tuple[float, float] | None = None
         if self._phase is _CORRECT:
             # Counts commands alone: at low speed, late odometry would be misleading.
-            remaining = self._correction - self._commanded
+            remaining = self._correction.amount - self._commanded
         else:
             pending = self._sent.pending(now_s, stamp_s)
             remaining = left - self._along(*pending)
             if self._smoothing is not None:
                 remaining = self._smoothing.remaining(remaining, self._commanded, stamp_s)
-        way = -1.0 if self.corrections and self._correction < 0 else 1.0  # a correction may go backwards
+        way = -1.0 if self._correction.amount < 0 else 1.0  # a correction may go backwards
         slowest = self._slowest
         if remaining * way <= max(0.1 * self._tolerance, slowest.least(self._period_s)):
             self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
@@ -234,7 +232,7 @@ class MotionController(Controller):
             slowest.look(now_s, left, self._commanded, self._speed, self._delay_s)
         if slowest.velocity:
             self._speed = min(slowest.raised(self._speed, remaining * way, self._period_s), self._cruise)
-        self._fastest = max(self._fastest, self._speed)
+        self._correction.drives(self._speed)
         signed = self._sign * (way * self._speed)
         if self._turns:
             return Command(angular_rad_s=signed)
@@ -280,7 +278,8 @@ class MotionController(Controller):
             self._still_since = _Mark(stamp_s, left)
             return False
         if not self._knows_response:
-            return stamp_s - still.at_s >= self.settings.settle_s + self._sent.dead_time_s - 1e-9
+            needed_s = self.settings.settle_s + max(self._sent.dead_time_s, self._correction.extra_delay_s)
+            return stamp_s - still.at_s >= needed_s - 1e-9
         if stamp_s - still.at_s < self.settings.settle_s + 0.5 * self._sent.lag_s - 1e-9:
             return False
         return abs(self._along(*self._sent.pending(now_s, stamp_s))) <= STILL_SHARE * self._tolerance
@@ -308,12 +307,9 @@ class MotionController(Controller):
             self.status = MotionStatus.FAILED
             self.failure = f"off after {self.corrections} corrections: {self._shortfall(pose)}"
         else:
-            if self._phase is _SETTLE and self.corrections:
-                self._slowest.judge_correction(self._correction - error, self._correction, self._fastest)
             self.corrections += 1
-            self._fastest = 0.0
-            self._phase = _DRIVE if abs(error) > _COARSE * self._tolerance else _CORRECT
-            self._correction = error
+            self._correction.begin(error)
+            self._phase = _CORRECT if self._correction.is_reckoned else _DRIVE
             self._commanded = 0.0
             self._smoothing = RemainingFilter() if self._window is not None else None
             self._stall.restart()

@@ -24,17 +24,24 @@ _LEAST_M, _LEAST_RAD = 0.05, math.radians(8)
 _WORST_FIT = 0.03
 """Largest deviation of a fit, as a share of the movement: more is a base that slipped, was blocked or was pushed."""
 _REMEMBERED = 5
+_GAINS = 0.3, 2.5
+"""Smallest and largest gain of a base that still follows its commands."""
+_LEAST_GAIN_ERROR = 0.04
+"""Smaller differences are slip, which feedback corrects."""
 
 
 @dataclass(frozen=True, slots=True)
 class BaseResponse:
     """What a base makes of a command: nothing for the dead time, then an exponential approach with the lag.
 
-    A command below the slowest velocity does not move the base.
+    A command below the slowest velocity does not move the base. The gains are what a base makes of a velocity, as a
+    share of it: the driver of a base with skidding wheels may use the track of another floor.
     """
 
     dead_time_s: float = 0.0
     lag_s: float = 0.0
+    linear_gain: float = 1.0
+    angular_gain: float = 1.0
     slowest_m_s: float = 0.0
     slowest_rad_s: float = 0.0
 
@@ -42,6 +49,12 @@ class BaseResponse:
     def delay_s(self) -> float:
         """Delay of a base at constant velocity."""
         return self.dead_time_s + self.lag_s
+
+    def scaled(self, wanted: Command) -> Command:
+        """Return the command of which the base makes the wanted velocity."""
+        if self.linear_gain == 1 and self.angular_gain == 1:
+            return wanted
+        return Command(wanted.linear_m_s / self.linear_gain, wanted.angular_rad_s / self.angular_gain)
 
 
 class _Sent(NamedTuple):
@@ -116,6 +129,7 @@ class ResponseMeter:
 
     def __init__(self) -> None:
         self._measured: deque[BaseResponse] = deque(maxlen=_REMEMBERED)
+        self._linear_gain = self._angular_gain = 1.0
         self._slowest_m_s = self._slowest_rad_s = 0.0
 
     @property
@@ -126,6 +140,8 @@ class ResponseMeter:
         return BaseResponse(
             median(r.dead_time_s for r in self._measured),
             median(r.lag_s for r in self._measured),
+            self._linear_gain,
+            self._angular_gain,
             self._slowest_m_s,
             self._slowest_rad_s,
         )
@@ -138,7 +154,7 @@ class ResponseMeter:
         commands: Sequence[tuple[float, Command]],
         readings: Sequence[tuple[float, Pose]],
     ) -> None:
-        """Add a turn or a straight move that ended well; one that was short or does not fit shows no delay.
+        """Add a turn or a straight move that ended by itself; one that was short or does not fit shows no delay.
 
         Args:
             action: the turn or the move.
@@ -153,6 +169,10 @@ class ResponseMeter:
         response = measured_response(velocities, covered, _LEAST_RAD if turns else _LEAST_M)
         if response is not None:
             self._measured.append(response)
+            if turns:
+                self._angular_gain = _settled_gain(self._angular_gain, response.angular_gain)
+            else:
+                self._linear_gain = _settled_gain(self._linear_gain, response.angular_gain)
         if turns:
             self._slowest_rad_s = max(self._slowest_rad_s, slowest)
         else:
@@ -176,6 +196,9 @@ def measured_response(
         commands: time and velocity of each command, the last one zero.
         readings: time of measurement and amount covered since the start.
         least: smallest amount that shows a response.
+
+    Returns:
+        The response; both gains are that of the movement.
     """
     if len(readings) < _FEWEST_READINGS or len(commands) < 2:
         return None
@@ -191,13 +214,17 @@ def measured_response(
     for lag_s in _LAGS_S:
         way = np.cumsum(_lagged(commanded, lag_s)) * _STEP_S
 
+        def modelled(dead_time_s: float, way: npt.NDArray[np.float64] = way) -> npt.NDArray[np.float64]:
+            return np.interp(at_s - dead_time_s, grid_s + _STEP_S, way)
+
         def misfit(dead_time_s: float, way: npt.NDArray[np.float64] = way) -> float:
-            return _misfit(np.interp(at_s - dead_time_s, grid_s + _STEP_S, way), covered)
+            return _misfit(modelled(dead_time_s, way), covered)
 
         coarse_s = min(_DEAD_TIMES_S, key=misfit)
         dead_time_s = min(np.maximum(coarse_s + _FINE_DEAD_TIMES_S, 0.0), key=misfit)
         if (error := misfit(dead_time_s)) < best_error:
-            best, best_error = BaseResponse(float(dead_time_s), float(lag_s)), error
+            gain = _gain(modelled(dead_time_s), covered)
+            best, best_error = BaseResponse(float(dead_time_s), float(lag_s), gain, gain), error
     return best if best_error <= _WORST_FIT * extent else None
 
 
@@ -209,8 +236,18 @@ def _lagged(commanded: npt.NDArray[np.float64], lag_s: float) -> npt.NDArray[np.
     return np.convolve(commanded, taps / taps.sum())[: len(commanded)]
 
 
+def _settled_gain(known: float, measured: float) -> float:
+    """Return the new gain of an axis from a movement whose commands used the known one."""
+    gain = known * measured if abs(measured - 1) > _LEAST_GAIN_ERROR else known
+    return gain if abs(gain - 1) > _LEAST_GAIN_ERROR else 1.0
+
+
+def _gain(modelled: npt.NDArray[np.float64], covered: npt.NDArray[np.float64]) -> float:
+    """Return the gain with which a model explains what was covered best."""
+    gain = float(modelled @ covered) / max(float(modelled @ modelled), 1e-12)
+    return min(max(gain, _GAINS[0]), _GAINS[1])
+
+
 def _misfit(modelled: npt.NDArray[np.float64], covered: npt.NDArray[np.float64]) -> float:
-    """Return the root mean square of what a model leaves; the base may cover a little more or less than commanded."""
-    scale = float(modelled @ covered) / max(float(modelled @ modelled), 1e-12)
-    scale = min(max(scale, 0.9), 1.1)
-    return float(np.sqrt(np.mean((covered - scale * modelled) ** 2)))
+    """Return the root mean square of what a model leaves, with the best gain."""
+    return float(np.sqrt(np.mean((covered - _gain(modelled, covered) * modelled) ** 2)))

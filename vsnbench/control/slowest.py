@@ -11,8 +11,6 @@ _LOOK_S = 0.12
 """Time after the base's delay in which a moving base shows its motion."""
 _MOST = 0.5
 """Highest slowest velocity, as a share of the cruising speed."""
-_SHARE = 0.25
-"""A correction that achieved less than this share was too slow for the base."""
 
 
 class SlowestVelocity:
@@ -50,15 +48,11 @@ class SlowestVelocity:
         if not self._monitor:
             self._monitor = StallMonitor(delay_s + max(_LOOK_S, self._settle_s), 0.5 * self._tolerance)
         if self._monitor.is_stuck(now_s, -left, commanded):
-            self._raise(velocity)
+            self.too_slow(velocity)
             self._monitor = None
 
-    def judge_correction(self, achieved: float, wanted: float, velocity: float) -> None:
-        """Raise the velocity if a correction with a highest `velocity` moved the base hardly or not at all."""
-        if abs(achieved) < _SHARE * abs(wanted):
-            self._raise(velocity)
-
-    def _raise(self, velocity: float) -> None:
+    def too_slow(self, velocity: float) -> None:
+        """Raise the velocity, because a command did not move the base."""
         # The limit keeps a base that is held by an obstacle from pushing ever harder.
         self.velocity = max(self.velocity, min(_RAISE * max(velocity, self.velocity), self._limit))
 

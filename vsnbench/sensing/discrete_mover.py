@@ -257,7 +257,7 @@ class DiscreteMover:
             controller = request.leg.controller(start.pose, settings, start.noise, start_error, response)
         else:
             controller = MotionController(action, start.pose, target_rad, settings, start.noise, start_error, response)
-        sensor_lost = False
+        sensor_lost, ended_by_itself = False, False
         with self._lock:
             self._rest.moves()
             self._driven = []
@@ -277,10 +277,12 @@ class DiscreteMover:
                 break
             command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
             commands.append((now_s, command))
-            self._send(command)
+            self._send(command if response is None else response.scaled(command))
             self._sleep_until(now_s + settings.control_period_s)
+        else:
+            ended_by_itself = not controller.sensor_lost
         self._send(STANDSTILL)
-        self._learn(controller, start.pose, commands)
+        self._learn(controller, start.pose, commands, ended_by_itself=ended_by_itself)
         with self._lock:
             if controller.done:
                 self._held.keep(target_rad)
@@ -296,11 +298,13 @@ class DiscreteMover:
             sensor_lost or controller.sensor_lost,
         )
 
-    def _learn(self, controller: Controller, start: Pose, commands: list[tuple[float, Command]]) -> None:
-        """Measure the response of the base from a movement that ended well."""
+    def _learn(
+        self, controller: Controller, start: Pose, commands: list[tuple[float, Command]], *, ended_by_itself: bool
+    ) -> None:
+        """Measure the response of the base from a movement that ended by itself."""
         with self._lock:
             driven, self._driven = self._driven or [], None
-        if isinstance(controller, MotionController) and controller.done:
+        if isinstance(controller, MotionController) and ended_by_itself:
             self._response.add(controller.action, controller.slowest, start, commands, driven)
 
     def _await_start(self, request: _Request) -> Start | EndReason:

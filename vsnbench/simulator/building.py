@@ -40,9 +40,12 @@ class _Opening:
     top: float
 
 
-def build_structure(site: Site) -> Iterator[Primitive]:
-    """Yield the primitives of a site's building; `instance` is 0."""
+def build_structure(site: Site, *, is_surveyed_only: bool = False) -> Iterator[Primitive]:
+    """Yield the primitives of a site's building; `instance` is 0. No survey has the lights at the ceiling."""
     yield from _floors(site)
+    if not is_surveyed_only:
+        for room in site.rooms:
+            yield from _ceiling_lights(room, site.ceiling_height_m)
     for wall in site.walls:
         yield from _wall(site, wall)
 
@@ -81,8 +84,6 @@ def _floors(site: Site) -> Iterator[Primitive]:
         for edges in rectangles(room.shape):
             yield _slab(edges, (-_SKIN, 0.0), material, "floor", solid=False)
     yield _slab(bounds, (site.ceiling_height_m, site.ceiling_height_m + 0.1), _CEILING, "ceiling")
-    for room in site.rooms:
-        yield from _ceiling_lights(room, site.ceiling_height_m)
 
 
 def _ceiling_lights(room: Room, ceiling_m: float) -> Iterator[Primitive]:

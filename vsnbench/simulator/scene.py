@@ -24,7 +24,7 @@ def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
 
     Args:
         site: the site.
-        is_surveyed_only: leave out the things on tables, which are not in the survey.
+        is_surveyed_only: leave out the things on tables and the lights, which are not in the survey.
 
     Coverings, skirting and casings are visible but not solid. The slab under the floors and surveyed outlines are solid
     but not visible.
@@ -32,7 +32,7 @@ def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
     Raises:
         SiteError: an object's model is unknown.
     """
-    primitives = list(build_structure(site))
+    primitives = list(build_structure(site, is_surveyed_only=is_surveyed_only))
     for index, thing in enumerate(site.objects):
         primitives.extend(_stand(thing, index + 1))
         if not is_surveyed_only:

@@ -67,6 +67,7 @@ class BaseDynamics(BaseModel):
     turn_slip: float = Field(
         default=0.0, ge=0, lt=0.9, description="share of a turn that skidding wheels lose unmeasured"
     )
+    turn_gain: float = Field(default=1.0, gt=0.2, le=2.5, description="turn per commanded turn, measured")
     crab: float = Field(default=0.0, ge=-0.3, le=0.3, description="metres to the left per metre forward, measured")
     sway_m: float = Field(default=0.0, ge=0, le=0.1, description="amplitude of a gait's sideways motion, measured")
     sway_hz: float = Field(default=2.0, gt=0, le=10, description="frequency of the gait, Hz")

@@ -62,6 +62,12 @@ def test_wheels_that_skid_report_more_turn_than_the_base_makes() -> None:
     assert measured.heading_rad == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_turn_gain_is_real_and_measured() -> None:
+    pose, measured, _ = driven(TURN, 2.0, turn_gain=1.4)
+    assert pose.heading_rad == pytest.approx(1.4, abs=0.01)
+    assert measured.heading_rad == pytest.approx(1.4, abs=0.01)
+
+
 def test_drift_to_the_side_is_real_and_measured() -> None:
     pose, measured, _ = driven(AHEAD, 2.0, crab=0.02)
     assert pose.y_m == pytest.approx(0.008, abs=0.001)

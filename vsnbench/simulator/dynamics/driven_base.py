@@ -50,7 +50,8 @@ class DrivenBase:
         if self._is_ideal:
             return self.physics.drive(command)
         moving = self._motors.velocity(command)
-        touch = self.physics.drive(Command(moving.linear_m_s, moving.angular_rad_s * (1 - self._dynamics.turn_slip)))
+        turning_rad_s = moving.angular_rad_s * self._dynamics.turn_gain * (1 - self._dynamics.turn_slip)
+        touch = self.physics.drive(Command(moving.linear_m_s, turning_rad_s))
         self._drifted_rad += math.radians(self._dynamics.heading_drift_deg_s) * CONTROL_PERIOD_S
         left_m = (moving.linear_m_s * self._dynamics.crab + moving.lateral_m_s) * CONTROL_PERIOD_S + self._swayed(
             moving
