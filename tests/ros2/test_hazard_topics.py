@@ -42,3 +42,7 @@ def test_doctor_and_a_session_say_that_a_bumper_topic_is_misspelt(tmp_path: Path
         code, found = findings(graph, profile(tmp_path, "hazard_detection"))
         assert code == 1
         assert found["/hazard_detection"][0] == "failed"
+        code, found = findings(graph, profile(tmp_path, "camera/color/image_raw"))
+        assert code == 1
+        assert found["topics"][0] == "failed"
+        assert "/camera/color/image_raw is named for two parts" in found["topics"][1]

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 from vsnbench.robots.profiles import load_profile
@@ -131,16 +132,8 @@ def test_no_episode_begins_with_a_hazard_topic_of_another_type() -> None:
 
 def test_a_simulator_reports_contacts_on_its_own_topic(caplog) -> None:
     robot = Robot()
-    account = SimulationAccount(
-        simulator="test",
-        site="flat",
-        site_sha256="0" * 64,
-        profile_sha256="0" * 64,
-        odometry_rate_hz=20,
-        command_lag_s=0,
-        rate_factor=1,
-    )
-    robot.reports.take_account(account.model_dump_json())
+    simulated = replace(robot.snapshot(), simulation=SimulationAccount.model_construct(site="flat"))
+    robot.readiness.snapshot = lambda: simulated
     with caplog.at_level(logging.WARNING):
         assert robot.fault() == ""
     assert not caplog.records

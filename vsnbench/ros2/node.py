@@ -24,7 +24,7 @@ from std_msgs.msg import String
 
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
-from vsnbench.ros2.installation import discovery
+from vsnbench.ros2.installation import discovery, type_of
 from vsnbench.ros2.messages import COMMAND_CLASSES, twist_of, velocity_message
 from vsnbench.ros_common.node import LAST_MESSAGES_S, NodeTask, sleep_until
 from vsnbench.runtime.signals import EndAsked
@@ -50,10 +50,21 @@ class _NodeWithoutEvents(Node):  # type: ignore[misc]
             *arguments, **{"event_callbacks": PublisherEventCallbacks(use_default_callbacks=False), **options}
         )
 
-    def create_subscription(self, *arguments: Any, **options: Any) -> Any:
-        return super().create_subscription(
-            *arguments, **{"event_callbacks": SubscriptionEventCallbacks(use_default_callbacks=False), **options}
-        )
+    def create_subscription(self, message_class: type, topic: str, *arguments: Any, **options: Any) -> Any:
+        callbacks = SubscriptionEventCallbacks(use_default_callbacks=False)
+        try:
+            return super().create_subscription(
+                message_class, topic, *arguments, **{"event_callbacks": callbacks, **options}
+            )
+        except RuntimeError as error:
+            # A profile that names one topic for two parts; DDS allows one type of a topic per process.
+            if "incompatible type" not in str(error):
+                raise
+            raise RobotError(
+                f"{topic} is named for two parts: as {type_of(message_class)} and as another type",
+                advice="correct the topics in the profile",
+                code="topic-of-two-types",
+            ) from error
 
 
 class Ros2Node:

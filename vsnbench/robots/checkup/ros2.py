@@ -75,7 +75,7 @@ class Ros2Checkup(RosCheckup):
         try:
             self._receive()
         except RobotError as error:
-            yield CheckResult("TF", Health.FAILED, error.statement, error.advice)
+            yield CheckResult("topics", Health.FAILED, error.statement, error.advice)
             return False
         self._others = sorted(set(self.listener.graph.nodes()) - {self.listener.node.full_name})
         yield graph_result(self._others)
