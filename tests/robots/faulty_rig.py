@@ -120,6 +120,8 @@ class FaultyRig(ABC):
             fault_s = fault()
             result = future.result(PATIENCE_S)
             stood_s = self.stood_after(fault_s)
+            # A base that does not follow stands before the command reaches it.
+            wait_until(lambda since_s=fault_s: self.zeroed_after(since_s) is not None, "zero velocity is commanded")
             ending = Ending(result, self.zeroed_after(fault_s), stood_s)
             if says in ending.why or not is_overload(ending.why):
                 return ending
