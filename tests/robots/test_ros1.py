@@ -193,7 +193,7 @@ def test_a_server_killed_during_a_movement_is_detected_and_the_base_stopped(rig)
         rig.client("begin")
     rig.start_server()
     assert rig.client("begin")
-    assert rig.client("execute", "TURN_LEFT")["completed"]
+    assert rig.undisturbed("execute", "TURN_LEFT")["completed"]
 
 
 def test_a_hanging_server_is_detected_during_a_movement_and_the_base_stopped(rig) -> None:
@@ -207,7 +207,7 @@ def test_a_hanging_server_is_detected_during_a_movement_and_the_base_stopped(rig
     wait_until(lambda: time.monotonic() - resumed_s > 1.0, "the resumed server could act on the old requests")
     assert rig.probe.pose == before
     assert rig.client("begin")
-    assert rig.client("execute", "TURN_LEFT")["completed"]
+    assert rig.undisturbed("execute", "TURN_LEFT")["completed"]
 
 
 def test_a_killed_client_leaves_a_base_at_rest(rig) -> None:
@@ -258,7 +258,7 @@ def test_a_master_that_dies_does_not_end_an_episode_but_the_next_one_cannot_begi
     rig.network.roscore.signal(signal.SIGKILL)
     rig.network.roscore.wait()
     assert rig.client("observe")
-    assert rig.client("execute", "TURN_LEFT")["completed"]
+    assert rig.undisturbed("execute", "TURN_LEFT")["completed"]
     with pytest.raises(ClientError) as refused:
         rig.client("begin")
     assert refused.value.code == "no-ros-master"

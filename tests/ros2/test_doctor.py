@@ -8,11 +8,16 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.watchdog import WatchdogMeasurement
 
 pytestmark = pytest.mark.ros2
+ATTEMPTS = 4
 
 
 def doctor(graph: Graph2) -> Process:
-    done = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", graph.directory, COLUMNS="200")
-    done.wait(120)
+    """Let `doctor` move the base, again if it finds this machine overloaded."""
+    for _ in range(ATTEMPTS):
+        done = graph.vsnbench("doctor", "--robot", PROFILE, "--move", "--results", graph.directory, COLUMNS="200")
+        done.wait(120)
+        if "its machine is overloaded" not in done.output:
+            break
     return done
 
 
