@@ -100,20 +100,33 @@ def test_the_page_has_commands_for_every_adapter() -> None:
     assert len(COMMANDS) == 5
 
 
-def test_navdp_drives_the_first_metre_of_its_trajectories_and_stops_at_a_short_one(
+def test_navdp_drives_a_metre_at_a_time_and_stops_where_the_server_zeroes_its_trajectory(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     port = free_port()
     with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
         steps = driven("NavDP", directory, monkeypatch, capsys, url=f"http://127.0.0.1:{port}")
     assert len(steps) == 5
-    assert steps[-1][0] == "STOP"
+    assert steps[-1][:2] == ("STOP", "0.00 m")
     lengths = [moved["points"][-1][0] for action, _, moved in steps if action == "TRAJECTORY" and moved]
     assert lengths
     assert all(1.0 <= length < 1.1 for length in lengths)
 
 
-def test_navdp_sends_red_and_blue_exchanged_and_turns_where_its_critic_refuses() -> None:
+def answering(trajectory: Any, **arguments: Any) -> Any:
+    """Return the NavDP adapter with a server that always plans one trajectory."""
+    module = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))
+    module["NavDP"].urls.clear()
+    model = module["NavDP"](**arguments)
+    model.goal = np.zeros((32, 32, 3), np.uint8)
+    model._post = lambda *_: {"trajectory": np.asarray(trajectory).tolist(), "all_values": [[-3.5]]}
+    return model
+
+
+SEEN = SimpleNamespace(rgb=np.zeros((32, 32, 3), np.uint8), depth_m=np.full((32, 32), np.nan, np.float32))
+
+
+def test_navdp_sends_red_and_blue_exchanged() -> None:
     module = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))
     from PIL import Image
 
@@ -121,15 +134,38 @@ def test_navdp_sends_red_and_blue_exchanged_and_turns_where_its_critic_refuses()
     red[..., 0] = 255
     received = np.asarray(Image.open(__import__("io").BytesIO(module["_jpeg"](red))))
     assert received[..., 2].min() > 240 > 10 > received[..., 0].max()
-    model = module["NavDP"](mode="nogoal")
+
+
+@pytest.mark.parametrize("mode", ["image", "nogoal"])
+@pytest.mark.parametrize(("side", "action"), [(-1.0, "TURN_RIGHT"), (1.0, "TURN_LEFT")])
+def test_navdp_turns_where_its_critic_refuses(mode: str, side: float, action: str) -> None:
     turning = np.zeros((1, 24, 3))
-    turning[..., 1] = -1.0
-    model._post = lambda *_: {"trajectory": turning.tolist(), "all_values": [[-3.0]]}
-    seen = SimpleNamespace(rgb=red, depth_m=np.full((32, 32), np.nan, np.float32))
-    assert model.act(seen)["action"] == "TURN_RIGHT"
-    model._post = lambda *_: {"trajectory": [[[0.1, 0.0, 0.0]]], "all_values": [[-3.0]]}
+    turning[..., 1] = side
+    assert answering(turning, mode=mode).act(SEEN)["action"] == action
+
+
+def test_a_zero_trajectory_of_an_image_goal_means_stop() -> None:
+    zeroed = np.zeros((1, 24, 3))
+    zeroed[..., 2] = 0.3  # upstream keeps the headings
+    assert answering(zeroed).act(SEEN)["action"] == "STOP"
+    assert answering(zeroed, mode="nogoal").act(SEEN)["action"] != "STOP"
+
+
+def test_navdp_asks_its_server_for_the_threshold_of_upstreams_evaluations() -> None:
+    assert answering(np.zeros((1, 24, 3))).card["settings"]["stop_threshold"] == -3.0
+
+
+def test_a_navdp_answer_without_a_trajectory_is_refused() -> None:
     with pytest.raises(ValueError, match="no trajectory"):
-        model.act(seen)
+        answering([[[0.1, 0.0, 0.0]]]).act(SEEN)
+
+
+def test_a_server_of_another_model_is_not_taken_for_navdps() -> None:
+    camera = SimpleNamespace(width=640, height=480, horizontal_fov_deg=60)
+    model = answering(np.zeros((1, 24, 3)))
+    model._post = lambda *_: {"algo": "vint"}
+    with pytest.raises(ValueError, match="'vint', not of NavDP"):
+        model.begin(SimpleNamespace(goal=SimpleNamespace(image=None), robot=SimpleNamespace(camera=camera)))
 
 
 def test_a_navdp_server_that_is_not_there_is_one_line() -> None:
