@@ -19,6 +19,8 @@ import pytest
 
 from tests.cli.console import vsnbench
 from tests.models.remote.servers import PATIENCE_S, STUB, await_port, free_port
+from vsnbench.models.remote.checking import check_server
+from vsnbench.robots.registry import profile_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ADAPTERS = ROOT / "examples" / "adapters"
@@ -57,11 +59,10 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def driven(
-    model: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
-) -> list[tuple[str, str, dict[str, Any] | None]]:
-    """Serve a model and run one trial, as the page does; return action, raw action and movement of each step."""
-    (serves, runs) = next(pair for pair in COMMANDS.items() if f":{model} " in pair[0])
+@contextmanager
+def served(model: str, directory: Path, **settings: Any) -> Iterator[str]:
+    """Serve a model with the command of the page; yield its address."""
+    serves = next(serves for serves in COMMANDS if f":{model} " in serves)
     port = free_port()
     words = [*serves.replace("--port 8765", "").split(), "--port", str(port)]
     if settings:
@@ -71,10 +72,26 @@ def driven(
         kept = json.loads(file.read_text()) if file.exists() else {}
         file.write_text(json.dumps(kept | settings))
         words += [] if "--settings" in words else ["--settings", file.name]
+    with process(*words, port=port, cwd=directory):
+        yield f"ws://127.0.0.1:{port}"
+
+
+@contextmanager
+def navdp_server(directory: Path) -> Iterator[str]:
+    port = free_port()
+    with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
+        yield f"http://127.0.0.1:{port}"
+
+
+def driven(
+    model: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
+) -> list[tuple[str, str, dict[str, Any] | None]]:
+    """Serve a model and run one trial, as the page does; return action, raw action and movement of each step."""
+    runs = next(runs for serves, runs in COMMANDS.items() if f":{model} " in serves)
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
-    with process(*words, port=port, cwd=directory):
-        arguments = runs.replace("127.0.0.1:8765", f"127.0.0.1:{port}").split()[1:]
+    with served(model, directory, **settings) as url:
+        arguments = runs.replace("ws://127.0.0.1:8765", url).split()[1:]
         answer = vsnbench(
             monkeypatch,
             capsys,
@@ -100,12 +117,24 @@ def test_the_page_has_commands_for_every_adapter() -> None:
     assert len(COMMANDS) == 5
 
 
+@pytest.mark.parametrize("model", ["NavDP", "UniNaVid", "NaVILA", "VLFMHabitat", "VLFMReality"])
+def test_the_adapters_pass_models_check_and_state_their_camera(model: str, directory: Path) -> None:
+    with (
+        navdp_server(directory) as navdp,
+        served(model, directory, **({"url": navdp} if model == "NavDP" else {})) as url,
+    ):
+        findings = {finding.what: finding for finding in check_server(url, profile=profile_of("turtlebot2"))}
+    assert [finding for finding in findings.values() if not finding.passed] == [], (
+        directory / "server.log"
+    ).read_text()
+    assert "states no camera" not in findings["camera"].seen
+
+
 def test_navdp_drives_a_metre_at_a_time_and_stops_where_the_server_zeroes_its_trajectory(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    port = free_port()
-    with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
-        steps = driven("NavDP", directory, monkeypatch, capsys, url=f"http://127.0.0.1:{port}")
+    with navdp_server(directory) as url:
+        steps = driven("NavDP", directory, monkeypatch, capsys, url=url)
     assert len(steps) == 5
     assert steps[-1][:2] == ("STOP", "0.00 m")
     lengths = [moved["points"][-1][0] for action, _, moved in steps if action == "TRAJECTORY" and moved]
