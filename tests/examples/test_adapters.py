@@ -21,6 +21,7 @@ from tests.cli.console import vsnbench
 from tests.models.remote.servers import PATIENCE_S, STUB, await_port, free_port
 from vsnbench.models.remote.checking import check_server
 from vsnbench.robots.registry import profile_of
+from vsnbench.values.pose import Pose
 
 ROOT = Path(__file__).resolve().parents[2]
 ADAPTERS = ROOT / "examples" / "adapters"
@@ -109,6 +110,13 @@ def driven(
         (reason,) = database.execute("SELECT end_reason FROM episode").fetchone()
     assert reason == "stop", (directory / "server.log").read_text()
     return [(action, raw, json.loads(movement) if movement else None) for action, raw, movement in rows]
+
+
+def poses(directory: Path) -> list[Pose]:
+    """Return the poses of the trial relative to its start: at the start, and after each step."""
+    with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
+        rows = database.execute("SELECT after_x_m, after_y_m, after_heading_rad FROM step ORDER BY number").fetchall()
+    return [Pose(0.0, 0.0, 0.0), *(Pose(*row) for row in rows)]
 
 
 def test_the_page_has_commands_for_every_adapter() -> None:
@@ -243,9 +251,23 @@ def test_navila_reads_odd_answers() -> None:
     steps_of = runpy.run_path(str(ADAPTERS / "navila_adapter.py"))["steps_of"]
     assert [step["movement"]["distance_m"] for step in steps_of("Move forward 60 cm")] == [0.25, 0.25, 0.1]
     assert steps_of("Stop.") == ["STOP"]
-    for text in ("I see a sofa.", "move forward 0 cm"):
-        with pytest.raises(ValueError, match="NaVILA's answer has no"):
-            steps_of(text)
+    assert steps_of("The next action is move forward 25 cm and stop.") == ["STOP"]
+    with pytest.raises(ValueError, match="NaVILA's answer has no action"):
+        steps_of("I see a sofa.")
+
+
+@pytest.mark.parametrize(
+    ("text", "step"),
+    [
+        ("The next action is move forward.", {"distance_m": 0.25}),
+        ("move forward 0 cm", {"distance_m": 0.25}),
+        ("The next action is turn left", {"turn_rad": math.radians(15)}),
+        ("turn right a bit", {"turn_rad": -math.radians(15)}),
+    ],
+)
+def test_an_answer_of_navila_without_a_number_is_one_step(text: str, step: dict[str, float]) -> None:
+    steps_of = runpy.run_path(str(ADAPTERS / "navila_adapter.py"))["steps_of"]
+    assert steps_of(text) == [{"movement": {"kind": "move", **step}}]
 
 
 def test_navila_shows_the_latest_frame_last_and_pads_in_front() -> None:
@@ -267,13 +289,47 @@ def test_vlfms_habitat_policy_drives_discrete_actions(
     assert [action for action, _, _ in steps] == ["TURN_LEFT"] * 12 + ["MOVE_FORWARD"] * 2 + ["STOP"]
 
 
-def test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_velocities(
+def test_vlfms_habitat_policy_refuses_a_goal_without_a_number() -> None:
+    model = runpy.run_path(str(ADAPTERS / "vlfm_adapter.py"))["VLFMHabitat"](VLFM, device="cpu")
+    with pytest.raises(ValueError, match="does not know 'table'; it knows chair, bed"):
+        model.begin(SimpleNamespace(goal="table", seed=0))
+
+
+def test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_to_its_sub_goal(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     steps = driven("VLFMReality", directory, monkeypatch, capsys)
     turns = [round(math.degrees(moved["turn_rad"])) for action, _, moved in steps if action == "MOVE" and moved]
     assert turns == [-90, 30, 30, 30, 30, 30, 30, -90]
-    speeds = [moved for action, _, moved in steps if action == "VELOCITY" and moved]
-    assert len(speeds) == 3
-    assert speeds[0]["linear_m_s"] == pytest.approx(0.25 / speeds[0]["duration_s"])
+    ways = [moved for action, _, moved in steps if action == "WAYPOINT" and moved]
+    assert ways
+    assert all(math.hypot(way["x_m"], way["y_m"]) == pytest.approx(0.21) for way in ways)
+    towards = math.atan2(0.6, 1.5)
+    assert ways[0]["heading_rad"] == pytest.approx(towards, abs=0.02)
+    assert all(abs(way["heading_rad"]) < 0.05 for way in ways[1:])
     assert steps[-1][0] == "STOP"
+    assert 0.69 <= poses(directory)[-1].distance_to(Pose(1.5, 0.6, 0.0)) < 0.9  # upstream's radius to stop is 0.9 m
+
+
+@pytest.mark.parametrize(("horizon_m", "length_m"), [(0.5, 0.5), (None, 1.2), (3.0, 1.2)])
+def test_vlfms_horizon_ends_the_way_to_a_sub_goal(horizon_m: float | None, length_m: float) -> None:
+    model = runpy.run_path(str(ADAPTERS / "vlfm_adapter.py"))["VLFMReality"](VLFM, horizon_m=horizon_m)
+    answer = model._towards(1.2, 2.0, Pose(1.0, 1.0, -2.0), "")
+    way = answer["movement"]
+    assert answer["diagnostics"]["sub_goal"] == pytest.approx((2.2, 1.0))
+    assert (way["x_m"], way["y_m"]) == pytest.approx((length_m * math.cos(2.0), length_m * math.sin(2.0)))
+
+
+def test_vlfms_displacements_without_a_sub_goal_are_upstreams(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    policy = "vlfm.policy.reality_policies:WithoutSubGoals"
+    steps = driven("VLFMReality", directory, monkeypatch, capsys, policy_class=policy)
+    assert [action for action, _, _ in steps[8:]] == ["WAYPOINT", "MOVE", "WAYPOINT", "STOP"]
+    # vlfm/reality/pointnav_env.py:107-121: clipped to 1, times 20 cm and 30 degrees; then at once to that pose.
+    expected = [(0.2, 0.3 * 30), (0.0, -0.5 * 30), (0.05, 30)]
+    before = poses(directory)[8:-2]
+    for pose, after, (metres, degrees) in zip(before, poses(directory)[9:-1], expected, strict=True):
+        way = after.relative_to(pose)
+        assert (way.x_m, way.y_m) == pytest.approx((metres, 0.0), abs=0.01)
+        assert math.degrees(way.heading_rad) == pytest.approx(degrees, abs=0.5)
