@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from tests.models.remote.servers import stub_server
@@ -62,6 +63,28 @@ def test_a_server_whose_answers_are_not_on_its_card_fails(tmp_path: Path) -> Non
     with stub_server(DRIVES_TO_POINTS, tmp_path) as (url, _):
         failed = {finding.what: finding.seen for finding in check_server(url) if not finding.passed}
     assert "answered with waypoint, but its card states discrete" in failed["same seed, same actions"]
+
+
+HABITAT_AGENT = """
+class Agent:
+    def reset(self):
+        self.goal = None
+
+    def act(self, observations):
+        self.goal = observations.get("objectgoal", observations.get("imagegoal", observations.get("instruction")))
+        assert self.goal is not None
+        return 2
+"""
+
+
+@pytest.mark.parametrize("goal", ["objectgoal", "imagegoal", "instruction"])
+def test_a_habitat_agent_of_each_kind_of_goal_passes_everything(goal: str, tmp_path: Path) -> None:
+    (tmp_path / "agent.json").write_text(json.dumps({"goal": goal}))
+    arguments = ("--habitat-agent", "served_model:Agent", "--settings", "agent.json")
+    with stub_server(HABITAT_AGENT, tmp_path, *arguments) as (url, _):
+        findings = tuple(check_server(url))
+    assert len(findings) == 9
+    assert [finding for finding in findings if not finding.passed] == []
 
 
 def test_a_good_server_passes_everything(tmp_path: Path) -> None:
