@@ -7,6 +7,7 @@ Start NavDP's server, then this file next to vsnbench_policy.py. It needs numpy 
     vsnbench run --model ws://127.0.0.1:8765 --site examples/goals.yaml --goal photo-bed
 
 Image goals use `imagegoal_step`. With {"mode": "nogoal"} the model explores and never stops, whatever the goal is.
+Lines of upstream are those of InternRobotics/NavDP at commit cb33ff8.
 """
 
 import io
@@ -35,8 +36,7 @@ class NavDP:
         url="http://127.0.0.1:8888",
         mode="image",
         horizon_m=1.0,
-        stop_within_m=0.2,
-        stop_threshold=-0.5,
+        stop_threshold=-3.0,
         weights_label="",
         timeout_s=8.0,
     ):
@@ -46,8 +46,8 @@ class NavDP:
             url: address of NavDP's server.
             mode: `image` for image goals, `nogoal` to explore.
             horizon_m: length that the robot drives before it asks again.
-            stop_within_m: a trajectory that ends nearer than this means STOP, in mode `image`.
-            stop_threshold: the server turns on the spot if its critic values all trajectories below this.
+            stop_threshold: the server turns on the spot if its critic values all trajectories below this; -3 as in
+                upstream's evaluations (eval_imagegoal_wheeled.py:12).
             weights_label: description of the server's checkpoint, which it does not tell.
             timeout_s: time limit of a request.
         """
@@ -59,19 +59,16 @@ class NavDP:
             raise ValueError(f"NavDP's server at {url} keeps the images of one robot: serve one session")
         self.urls.add(url)
         self.url, self.mode, self.timeout_s = url.rstrip("/"), mode, timeout_s
-        self.horizon_m, self.stop_within_m, self.stop_threshold = horizon_m, stop_within_m, stop_threshold
+        self.horizon_m, self.stop_threshold = horizon_m, stop_threshold
         self.card = {
             "name": "navdp",
             "sensors": ["rgb", "depth"],
             "goal_kinds": ["image"] if mode == "image" else ["category", "text"],
             "action_kinds": ["discrete", "trajectory"],
             "weights_label": weights_label,
-            "settings": {
-                "mode": mode,
-                "horizon_m": horizon_m,
-                "stop_within_m": stop_within_m,
-                "stop_threshold": stop_threshold,
-            },
+            "settings": {"mode": mode, "horizon_m": horizon_m, "stop_threshold": stop_threshold},
+            # The camera of upstream's evaluations (configs/robots/dingo_config.py:48-58): 2 atan(1.88 / (2 * 1.4)).
+            "camera": {"horizontal_fov_deg": 67.8, "width": 640, "height": 360},
             "deterministic": False,  # diffusion from the server's own random numbers
         }
         self.goal = None
@@ -83,7 +80,9 @@ class NavDP:
         focal = camera.width / 2 / math.tan(math.radians(camera.horizontal_fov_deg) / 2)
         intrinsic = [[focal, 0.0, camera.width / 2], [0.0, focal, camera.height / 2], [0.0, 0.0, 1.0]]
         request = {"intrinsic": intrinsic, "stop_threshold": self.stop_threshold, "batch_size": 1}
-        self._post("navigator_reset", json.dumps(request).encode(), "application/json")
+        answer = self._post("navigator_reset", json.dumps(request).encode(), "application/json")
+        if answer.get("algo") != "navdp":  # servers of upstream's other models have the same routes
+            raise ValueError(f"the server at {self.url} is that of {answer.get('algo')!r:.40}, not of NavDP")
 
     def reset(self, goal, seed):
         """Refuse clients of version 1 of the protocol, which send no camera."""
@@ -100,10 +99,12 @@ class NavDP:
             raise ValueError("NavDP's server returned no trajectory")
         value = float(np.max(answer["all_values"]))
         found = {"diagnostics": {"scalars": {"value": value}}, "raw_action": f"{np.hypot(*path[-1]):.2f} m"}
-        if not path[:, 0].any():  # the server's sign for "turn": x is 0, y the side
+        if not path[:, 0].any():  # no way forward
+            # In image mode upstream zeroes a trajectory that ends under 0.5 m (policy_network.py:149-150). Where its
+            # critic refuses all trajectories, x is 0 and y the side to turn to (policy_agent.py:203-205).
+            if self.mode == "image" and not path[:, 1].any():
+                return dict(found, action="STOP")
             return dict(found, action="TURN_LEFT" if path[-1, 1] > 0 else "TURN_RIGHT")
-        if self.mode == "image" and np.hypot(*path[-1]) < self.stop_within_m:
-            return dict(found, action="STOP")
         return dict(found, movement={"kind": "trajectory", "points": _until(path, self.horizon_m).tolist()})
 
     def _post(self, route, body, content_type):

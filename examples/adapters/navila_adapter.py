@@ -7,7 +7,7 @@ Put this file and vsnbench_policy.py into NaVILA's environment (its package `lla
 
 navila.json: {"model_path": "navila-llama3-8b-8f", "question_file": "question.txt"}. The model was trained with one
 question: copy it from `evaluation/vlnce_baselines/navila_trainer.py`, with {frames} and {instruction} in the places of
-upstream's variables.
+upstream's variables. Lines of upstream are those of AnjieCheng/NaVILA at commit 76b98f2.
 """
 
 import math
@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-_ANSWER = re.compile(r"(forward|left|right)\D{0,20}(\d+)|\b(stop)\b", re.IGNORECASE)
+_STOP = re.compile(r"\bstop\b", re.IGNORECASE)
+_ANSWER = re.compile(r"\b(forward|left|right)\b(?:\D{0,20}(\d+))?", re.IGNORECASE)
 _FRAME_CM, _FRAME_DEG = 25, 15
 
 
@@ -53,6 +54,8 @@ class NaVILA:
             "goal_kinds": ["instruction", "text", "category"],
             "action_kinds": ["discrete", "move"] + (["chunk"] if chunk else []),
             "weights_label": str(model_path),
+            # The camera of upstream's evaluations (evaluation/habitat_extensions/config/vlnce_task.yaml:13-16).
+            "camera": {"horizontal_fov_deg": 90, "width": 512, "height": 512},
             "settings": {"question": self.question, "chunk": chunk, "category_as": category_as, "tokens": tokens},
             "deterministic": False,  # half precision on a GPU
         }
@@ -114,17 +117,20 @@ def sampled(frames, count):
 
 
 def steps_of(text):
-    """Return the steps of an answer such as `turn left 45 degree` or `move forward 75 cm`; STOP ends the episode."""
+    """Return the steps of an answer such as `turn left 45 degree` or `move forward 75 cm`; STOP ends the episode.
+
+    Without a number, and with 0, an answer is one step, as in evaluation/vlnce_baselines/navila_trainer.py:242-280.
+    """
+    if _STOP.search(text):  # navila_trainer.py:222-234 looks for it first
+        return ["STOP"]
     found = _ANSWER.search(text)
     if found is None:
         raise ValueError(f"NaVILA's answer has no action: {text!r:.200}")
-    if found.group(3):
-        return ["STOP"]
-    amount, size = int(found.group(2)), _FRAME_CM if found.group(1).lower() == "forward" else _FRAME_DEG
-    if not amount:
-        raise ValueError(f"NaVILA's answer has no distance or angle: {text!r:.200}")
+    direction = found.group(1).lower()
+    size = _FRAME_CM if direction == "forward" else _FRAME_DEG
+    amount = int(found.group(2) or 0) or size
     parts = [size] * (amount // size) + [amount % size] * bool(amount % size)
-    if size == _FRAME_CM:
+    if direction == "forward":
         return [{"movement": {"kind": "move", "distance_m": part / 100}} for part in parts]
-    side = 1 if found.group(1).lower() == "left" else -1
+    side = 1 if direction == "left" else -1
     return [{"movement": {"kind": "move", "turn_rad": side * math.radians(part)}} for part in parts]

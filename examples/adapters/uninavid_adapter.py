@@ -44,6 +44,9 @@ class UniNaVid:
             "sensors": ["rgb"],
             "goal_kinds": ["instruction", "text", "category"],
             "action_kinds": ["discrete", "chunk"] if chunk else ["discrete"],
+            # The camera and the steps of upstream's evaluation (jzhzhang/NaVid-VLN-CE at commit cf066cc,
+            # VLN_CE/habitat_extensions/config/vlnce_task_navid_r2r.yaml:7-17).
+            "camera": {"mount_height_m": 1.25, "tilt_deg": 0, "horizontal_fov_deg": 90, "width": 640, "height": 480},
             "forward_m": 0.25,
             "turn_deg": 30.0,
             "weights_label": weights_label or str(model_path),

@@ -1,4 +1,4 @@
-"""VLFM as a model: its Habitat policy with discrete actions, and its real-robot policy with velocities.
+"""VLFM as a model: its Habitat policy with discrete actions, and its real-robot policy with sub-goals.
 
 Put this file and vsnbench_policy.py into VLFM's environment, and start its detectors with
 `scripts/launch_vlm_servers.sh`:
@@ -9,7 +9,7 @@ Put this file and vsnbench_policy.py into VLFM's environment, and start its dete
 
 vlfm.json: {"arguments": {"pointnav_policy_path": "data/pointnav_weights.pth", "depth_image_shape": [224, 224],
 "pointnav_stop_radius": 0.9, "object_map_erosion_size": 5, "text_prompt": "Seems like there is a target_object ahead."}}
-and the other arguments of upstream's configuration.
+and the other arguments of upstream's configuration. Lines of upstream are those of bdaiinstitute/vlfm at 584ed56.
 """
 
 import importlib
@@ -28,29 +28,22 @@ class _VLFM:
 
     policy_class = ""
     card_fields: ClassVar = {}
-    depth_range_m = (0.5, 5.0)
+    camera: ClassVar = {"mount_height_m": 0.88, "tilt_deg": 0, "horizontal_fov_deg": 79, "width": 640, "height": 480}
+    """Camera with which the network for point goals was trained (config/tasks/pointnav_depth_hm3d.yaml:21-27)."""
 
-    def __init__(self, arguments, depth_range_m=None, policy_class="", device="cuda"):
-        """Store the settings; the policy is created when the first episode states the camera.
-
-        Args:
-            arguments: arguments of upstream's class, except those about the camera.
-            depth_range_m: depths that are 0 and 1 for the policy; upstream's own when absent.
-            policy_class: `module:Class` of another of upstream's policies.
-            device: device of the tensors that the policy receives.
-        """
+    def __init__(self, arguments, policy_class, device, **settings):
+        """Store the settings; the policy is created when the first episode states the camera."""
         self.arguments, self.device = arguments, device
-        self.low_m, self.high_m = self.depth_range_m if depth_range_m is None else depth_range_m
         self.where = policy_class or self.policy_class
-        settings = {"arguments": arguments, "depth_range_m": [self.low_m, self.high_m], "policy": self.where}
         self.card = dict(
             self.card_fields,
             name=type(self).__name__.lower(),
             sensors=["rgb", "depth", "odometry"],
-            settings=settings,
+            settings=dict(settings, arguments=arguments, policy=self.where),
+            camera=self.camera,
             deterministic=False,  # its detectors run in other processes, on a GPU
         )
-        self.policy = self.camera = self.task = None
+        self.policy = self.made_for_camera = self.task = None
 
     def reset(self, goal, seed):
         """Refuse clients of version 1 of the protocol, which send no camera."""
@@ -62,10 +55,10 @@ class _VLFM:
         torch.manual_seed(task.seed)
         np.random.seed(task.seed % 2**32)  # noqa: NPY002 - upstream draws from the global generator
         camera = vars(task.robot.camera)
-        if self.policy is None or camera != self.camera:
+        if self.policy is None or camera != self.made_for_camera:
             module, _, name = self.where.partition(":")
             self.policy = getattr(importlib.import_module(module), name)(**self.made_for(task.robot.camera))
-            self.camera = dict(camera)
+            self.made_for_camera = dict(camera)
         self.task, self.is_first = task, True
 
     def made_for(self, camera):
@@ -78,12 +71,13 @@ class _VLFM:
         first, self.is_first = self.is_first, False
         return torch.full((1, 1), not first, dtype=torch.bool, device=self.device)
 
-    def depth(self, observation):
+    @staticmethod
+    def depth(observation, low_m, high_m):
         """Return depth in [0, 1]: the minimum where it is invalid, 1 beyond the camera's range."""
-        clipped = np.clip(np.nan_to_num(observation.depth_m, nan=self.low_m), self.low_m, self.high_m)
+        clipped = np.clip(np.nan_to_num(observation.depth_m, nan=low_m), low_m, high_m)
         if observation.beyond_range is not None:
-            clipped[observation.beyond_range] = self.high_m
-        return ((clipped - self.low_m) / (self.high_m - self.low_m)).astype(np.float32)
+            clipped[observation.beyond_range] = high_m
+        return ((clipped - low_m) / (high_m - low_m)).astype(np.float32)
 
 
 class VLFMHabitat(_VLFM):
@@ -91,6 +85,24 @@ class VLFMHabitat(_VLFM):
 
     policy_class = "vlfm.policy.habitat_policies:HabitatITMPolicyV2"
     card_fields: ClassVar = {"goals": sorted(HM3D), "forward_m": 0.25, "turn_deg": 30.0}
+
+    def __init__(self, arguments, depth_range_m=(0.5, 5.0), policy_class="", device="cuda"):
+        """Store the settings.
+
+        Args:
+            arguments: arguments of upstream's class, except those about the camera.
+            depth_range_m: depths that are 0 and 1 for the policy; by default upstream's.
+            policy_class: `module:Class` of another of upstream's policies.
+            device: device of the tensors that the policy receives.
+        """
+        self.low_m, self.high_m = depth_range_m
+        super().__init__(arguments, policy_class, device, depth_range_m=[self.low_m, self.high_m])
+
+    def begin(self, task):
+        """Start an episode with one of the six goals that the policy has numbers for."""
+        if str(task.goal) not in HM3D:
+            raise ValueError(f"VLFM's Habitat policy does not know {str(task.goal)!r:.60}; it knows {', '.join(HM3D)}")
+        super().begin(task)
 
     def made_for(self, camera):
         """Return upstream's arguments with the camera's."""
@@ -110,7 +122,7 @@ class VLFMHabitat(_VLFM):
         pose = observation.pose
         seen = {
             "rgb": observation.rgb.copy(),
-            "depth": self.depth(observation)[:, :, None],
+            "depth": self.depth(observation, self.low_m, self.high_m)[:, :, None],
             "gps": np.array([pose.x_m, -pose.y_m], np.float32),  # Habitat's is (forward, right)
             "compass": np.array([pose.heading_rad], np.float32),
             "heading": np.array([pose.heading_rad], np.float32),
@@ -127,59 +139,90 @@ class VLFMHabitat(_VLFM):
 
 
 class VLFMReality(_VLFM):
-    """`RealityITMPolicyV2`: velocities, and turns of the base where upstream turns the arm with the camera."""
+    """`RealityITMPolicyV2`: drives to sub-goals, and turns the base where upstream turns the arm with the camera.
+
+    Upstream's robot has depth cameras on the body and a camera on the gripper; here one camera has both roles.
+    """
 
     policy_class = "vlfm.policy.reality_policies:RealityITMPolicyV2"
-    card_fields: ClassVar = {"goal_kinds": ["category", "text"], "action_kinds": ["discrete", "move", "velocity"]}
-    depth_range_m = (0.0, 3.5)
-    step_m, step_rad, step_s = 0.25, math.radians(30), 0.5
-    """What 1.0 of the policy's answer means in upstream's environment, and the time for it."""
+    card_fields: ClassVar = {"goal_kinds": ["category", "text"], "action_kinds": ["discrete", "move", "waypoint"]}
+    step_m, step_rad = 0.2, 0.523599
+    """What 1.0 of `linear` and `angular` means (config/experiments/reality.yaml:26-27)."""
+
+    def __init__(
+        self, arguments, body_depth_m=2.5, gripper_depth_m=5.0, horizon_m=0.21, policy_class="", device="cuda"
+    ):
+        """Store the settings.
+
+        Args:
+            arguments: arguments of upstream's class.
+            body_depth_m: depth that is 1 for obstacles and for driving (config/experiments/reality.yaml:24).
+            gripper_depth_m: depth that is 1 for objects and values (config/experiments/reality.yaml:25).
+            horizon_m: length that the robot drives towards a sub-goal before the policy decides again; null drives to
+                the sub-goal. Upstream's robot walks on while the policy decides: at most 0.3 m/s
+                (vlfm/reality/pointnav_env.py:89) for 0.7 s (config/experiments/reality.yaml:28).
+            policy_class: `module:Class` of another of upstream's policies.
+            device: device of the tensors that the policy receives.
+        """
+        self.body_m, self.gripper_m, self.horizon_m = body_depth_m, gripper_depth_m, horizon_m
+        settings = {"body_depth_m": body_depth_m, "gripper_depth_m": gripper_depth_m, "horizon_m": horizon_m}
+        super().__init__(arguments, policy_class, device, **settings)
 
     def act(self, observation):
-        """Return a velocity, a turn or STOP."""
+        """Return a movement or STOP."""
         pose, camera = observation.pose, observation.camera
         focal = camera.width / 2 / math.tan(math.radians(camera.horizontal_fov_deg) / 2)
-        fov, depth, frame = (
-            math.radians(camera.horizontal_fov_deg),
-            self.depth(observation),
-            _camera_in_episode(observation),
-        )
-        limits = (self.low_m, self.high_m)
+        fov, frame, rgb = math.radians(camera.horizontal_fov_deg), _camera_in_episode(observation), observation.rgb
+        body, gripper = (self.depth(observation, 0.0, high_m) for high_m in (self.body_m, self.gripper_m))
         goal = str(getattr(self.task.goal, "text", "") or self.task.goal)
         seen = {
-            "nav_depth": np.where(depth == 0, np.float32(1), depth),  # upstream makes black far for this network only
+            "nav_depth": np.where(body == 0, np.float32(1), body),  # upstream makes black far for this network only
             "robot_xy": np.array([pose.x_m, pose.y_m]),
             "robot_heading": pose.heading_rad,
             "objectgoal": NAMES.get(goal, goal),
             "obstacle_map_depths": [
-                (depth, frame, *limits, focal, focal, fov),
-                (None, frame, *limits, focal, focal, fov),
+                (body, frame, 0.0, self.body_m, focal, focal, fov),
+                (None, frame, 0.0, self.body_m, focal, focal, fov),
             ],
-            "value_map_rgbd": [(observation.rgb.copy(), depth, frame, *limits, fov)],
-            "object_map_rgbd": [(observation.rgb.copy(), depth, frame, *limits, focal, focal)],
+            "value_map_rgbd": [(rgb.copy(), gripper, frame, 0.0, self.gripper_m, fov)],
+            "object_map_rgbd": [(rgb.copy(), gripper, frame, 0.0, self.gripper_m, focal, focal)],
         }
         answer = self.policy.get_action(seen, self.mask())
         angular, linear, arm = (float(answer[name]) for name in ("angular", "linear", "arm_yaw"))
         raw = f"angular {angular:.2f}, linear {linear:.2f}, arm {arm:.2f}"
         if arm != -1:  # upstream looks around with the arm; the direction is relative to the start
-            turn = math.remainder(arm - pose.heading_rad, math.tau)
-            return {"movement": {"kind": "move", "turn_rad": turn}, "raw_action": raw}
-        if not angular and not linear:
+            return {"movement": _turn(math.remainder(arm - pose.heading_rad, math.tau)), "raw_action": raw}
+        if not angular and not linear:  # vlfm/reality/pointnav_env.py:67, with a sub-goal too
             return {"action": "STOP", "raw_action": raw}
-        return {"movement": self._velocity(linear, angular), "raw_action": raw}
+        if "rho_theta" in answer:  # it replaces the two numbers (vlfm/reality/pointnav_env.py:70-73)
+            rho, theta = (float(value) for value in answer["rho_theta"])
+            return self._towards(rho, theta, pose, raw)
+        # Upstream waits until the base has arrived (vlfm/reality/pointnav_env.py:56-64, 75-94).
+        metres, radians = self.step_m * _clipped(linear), self.step_rad * _clipped(angular)
+        if not metres:
+            return {"movement": _turn(radians), "raw_action": raw}
+        movement = {"kind": "waypoint", "x_m": metres, "y_m": 0.0, "heading_rad": radians}
+        return {"movement": movement, "raw_action": raw}
 
-    def _velocity(self, linear, angular):
-        """Return upstream's displacement as a velocity, slower and longer on a robot that cannot drive as fast."""
-        metres, radians = (float(np.clip(value, -1, 1)) for value in (linear, angular))
-        metres, radians, robot = metres * self.step_m, radians * self.step_rad, self.task.robot
-        longest = max(abs(metres) / robot.max_linear_m_s, abs(radians) / robot.max_angular_rad_s)
-        duration_s = min(max(self.step_s, longest), 2.0)
+    def _towards(self, rho, theta, pose, raw):
+        """Return the way to a sub-goal at a distance and a direction, as far as the horizon."""
+        length = min(rho, 5.0 if self.horizon_m is None else self.horizon_m)  # a waypoint is at most 5 m away
+        point = {"x_m": length * math.cos(theta), "y_m": length * math.sin(theta)}
+        bearing = pose.heading_rad + theta
+        sub_goal = [pose.x_m + rho * math.cos(bearing), pose.y_m + rho * math.sin(bearing)]
         return {
-            "kind": "velocity",
-            "linear_m_s": metres / duration_s,
-            "angular_rad_s": radians / duration_s,
-            "duration_s": duration_s,
+            "movement": dict(point, kind="waypoint", heading_rad=math.remainder(theta, math.tau)),
+            "raw_action": f"{raw}, rho {rho:.2f}, theta {theta:.2f}",
+            "diagnostics": {"sub_goal": sub_goal},
         }
+
+
+def _clipped(value):
+    return min(max(value, -1.0), 1.0)
+
+
+def _turn(radians):
+    return {"kind": "move", "turn_rad": radians}
 
 
 def _camera_in_episode(observation):

@@ -11,13 +11,23 @@ import pytest
 
 from tests.cli.console import vsnbench
 from tests.models.looks import look
+from vsnbench.models.contract_check import check_policy
 from vsnbench.models.registry import create_policy
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.robots.registry import profile_of
 from vsnbench.values.action import Action
 from vsnbench.values.encoding.codec import decision_from_record
 from vsnbench.values.observation import shown_to_policy
 
 ROOT = Path(__file__).resolve().parents[2]
+MODELS = (
+    "frontier:Frontier",
+    "image_goal:HistogramMatcher",
+    "instruction:KeywordFollower",
+    "spinner:Spinner",
+    "velocity:Reactive",
+    "widest_opening:WidestOpening",
+)
 
 
 @pytest.fixture
@@ -77,6 +87,23 @@ def test_it_turns_where_the_way_is_closed() -> None:
     turns = {policy.act(seen).action for _ in range(5)}
     assert len(turns) == 1
     assert turns <= {Action.TURN_LEFT, Action.TURN_RIGHT}
+
+
+POLICIES = re.findall(
+    r"^class (\w+)\((?:Policy|Frontier)\):",
+    "".join(file.read_text(encoding="utf-8") for file in sorted((ROOT / "examples").glob("*.py"))),
+    re.MULTILINE,
+)
+
+
+def test_every_model_among_the_examples_is_checked() -> None:
+    assert sorted(POLICIES) == sorted(name.partition(":")[2] for name in MODELS)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_examples_pass_models_check(name: str) -> None:
+    policy = create_policy(f"examples.{name}")
+    assert [finding for finding in check_policy(policy, profile_of("turtlebot2")) if not finding.passed] == []
 
 
 def code_blocks(document: str) -> list[str]:

@@ -4,24 +4,26 @@ import statistics
 import sysconfig
 import time
 import traceback
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
 from vsnbench.models.camera_fit import comparison_text
-from vsnbench.models.contract import Policy
+from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.decision_fit import fitting_decision
+from vsnbench.models.goal_fit import word_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.step_sizes import assumed_steps
-from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
+from vsnbench.models.task import ProtocolFacts, RobotFacts, Task, task_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.text.sanitize import error_line, sanitize
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Decision
-from vsnbench.values.decision_check import checked_decision
+from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.observation import Budget, InstanceImage, Observation, shown_to_policy
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -30,6 +32,8 @@ STEPS = 20
 SEED = 11
 SIZES = ((640, 480), (640, 360), (33, 17))
 _UNKNOWN_GOAL = "no such goal"
+_MOST_WORDS = 10
+"""Words of a model's own vocabulary that are tried if none of them is a goal category."""
 _NOT_THE_MODEL = (Path(__file__).parents[1], *(Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib")))
 
 
@@ -42,21 +46,20 @@ class ContractFinding:
     seen: str
 
 
-def try_each(checks: Mapping[str, Callable[[], str]]) -> list[ContractFinding]:
-    """Run every check. Each returns what it found, or raises an error."""
-    findings = []
+def try_each(checks: Mapping[str, Callable[[], str]]) -> Iterator[ContractFinding]:
+    """Run every check and yield its result. Each check returns what it found, or raises an error."""
     for what, check in checks.items():
         try:
             seen = check()
             refused_exit = take_refused_exit()
-            findings.append(ContractFinding(what, not refused_exit, refused_exit or seen))
+            finding = ContractFinding(what, not refused_exit, refused_exit or seen)
         except VsnbenchError as error:
-            findings.append(ContractFinding(what, False, str(error)))
+            finding = ContractFinding(what, False, str(error))
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # third-party code can raise anything
-            findings.append(ContractFinding(what, False, take_refused_exit() or _line_and_place(error)))
-    return findings
+            finding = ContractFinding(what, False, take_refused_exit() or _line_and_place(error))
+        yield finding
 
 
 def camera_findings(policy: Policy, profile: RobotProfile | None) -> tuple[ContractFinding, ...]:
@@ -66,40 +69,57 @@ def camera_findings(policy: Policy, profile: RobotProfile | None) -> tuple[Contr
     return (ContractFinding("camera", True, comparison_text(policy.card, profile.name, profile.camera)),)
 
 
-def check_policy(policy: Policy) -> tuple[ContractFinding, ...]:
-    """Run every check of the contract: about 200 steps of the policy."""
-    goal = known_goal(policy)
-    return tuple(
-        try_each(
-            {
-                "card": lambda: card_summary(policy),
-                "reset twice": lambda: reset_twice(policy, goal),
-                "same seed, same actions": lambda: repeats(policy, goal, deterministic=True),
-                "episodes are independent": lambda: _forgets(policy, goal),
-                "sensors on the card": lambda: _reads_its_sensors(policy, goal),
-                "unknown goal": lambda: unknown_goal(policy, goal),
-                "other image sizes": lambda: sizes(policy, goal),
-                "black image, no depth": lambda: _blind(policy, goal),
-                "time": lambda: _time(policy, goal),
-            }
-        )
+def check_policy(policy: Policy, profile: RobotProfile | None = None) -> Iterator[ContractFinding]:
+    """Run every check of the contract, about 200 steps of the policy, and yield each result as it is known.
+
+    Args:
+        policy: the model.
+        profile: the robot whose limits and camera count; None for a robot of common size.
+    """
+    tasks = example_tasks(policy.card, profile)
+    task = tasks[0]
+    yield from try_each(
+        {
+            "card": lambda: card_summary(policy),
+            "goals": lambda: goals(policy, tasks),
+            "reset twice": lambda: reset_twice(policy, task),
+            "same seed, same actions": lambda: repeats(policy, task, deterministic=True),
+            "episodes are independent": lambda: _forgets(policy, task),
+            "sensors on the card": lambda: _reads_its_sensors(policy, task),
+            "unknown goal": lambda: unknown_goal(policy, task),
+            "other image sizes": lambda: sizes(policy, task),
+            "black image, no depth": lambda: _blind(policy, task),
+            "time": lambda: _time(policy, task),
+        }
     )
+    yield from camera_findings(policy, profile)
 
 
-def known_goal(policy: Policy) -> str:
-    """Return a goal on the policy's card."""
-    return min(policy.card.goals & set(GOAL_CATEGORIES) or policy.card.goals) if policy.card.goals else "chair"
+def example_tasks(card: ModelCard, profile: RobotProfile | None = None) -> list[Task]:
+    """Return a task for each goal that a model takes: each category that it knows, a text, a route, a photograph."""
+    words = [word for word in (word_for(card, category) for category in GOAL_CATEGORIES) if word]
+    categories = words or sorted(card.goals or ())[:_MOST_WORDS]
+    accepted = [Goal(word) for word in categories if GoalKind.CATEGORY in card.goal_kinds]
+    if GoalKind.TEXT in card.goal_kinds:
+        accepted.append(Goal("example-text", GoalKind.TEXT, text="the red armchair by the window"))
+    if GoalKind.INSTRUCTION in card.goal_kinds:
+        route = "Turn left, walk past the sofa and stop in front of the table."
+        accepted.append(Goal("example-route", GoalKind.INSTRUCTION, text=route))
+    if GoalKind.IMAGE in card.goal_kinds:
+        accepted.append(Goal("example-photo", GoalKind.IMAGE, image=_everything(SEED).rgb))
+    return [synthetic_task(goal, SEED, profile) for goal in accepted or [Goal("chair")]]
 
 
 def card_summary(policy: Policy) -> str:
     """Return name, sensors, goals, kinds of answers and assumed step sizes of a policy."""
     card = policy.card
     sensors = ", ".join(sorted(sensor.value for sensor in card.sensors)) or "no sensors"
-    goals = "any goal" if card.goals is None else ", ".join(sorted(card.goals))
+    known = "any category" if card.goals is None else ", ".join(sorted(card.goals))
     steps = assumed_steps(card)
     goal_kinds, answers = (", ".join(sorted(kinds)) for kinds in (card.goal_kinds, card.action_kinds))
     kinds = f"goals of kind {goal_kinds}; answers of kind {answers}"
-    return f"{card.name}; {sensors}; {goals}; {kinds}" + (f"; assumes steps of {steps}" if steps else "")
+    parts = (card.name, sensors, known if GoalKind.CATEGORY in card.goal_kinds else "", kinds)
+    return "; ".join(filter(None, parts)) + (f"; assumes steps of {steps}" if steps else "")
 
 
 def synthetic_observation(
@@ -110,31 +130,57 @@ def synthetic_observation(
     return shown_to_policy(_everything(number, width, height, blind=blind), policy.card.sensors, left)
 
 
-def synthetic_task(goal: str, seed: int) -> Task:
-    """Return a task under the paper's protocol, on a robot of common size."""
+def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) -> Task:
+    """Return a task under the paper's protocol, on a robot with the synthetic camera.
+
+    Args:
+        goal: the goal.
+        seed: the seed.
+        profile: robot of the task; None for a robot of common size.
+    """
     paper = ProtocolParameters()
     protocol = ProtocolFacts(paper.name, paper.forward_m, paper.turn_deg, paper.success_distance_m, paper.max_actions)
-    return Task(goal, seed, protocol, RobotFacts("synthetic", 0.18, 0.6, 0.5, 1.5, _camera(640, 480)))
+    robot = RobotFacts("synthetic", 0.18, 0.6, 0.5, 1.5, _camera(640, 480))
+    if profile is not None:
+        robot = replace(task_of(goal, seed, paper, profile).robot, camera=robot.camera)
+    return Task(goal, seed, protocol, robot)
 
 
 def _camera(width: int, height: int) -> Camera:
     return Camera(width=width, height=height, horizontal_fov_deg=60, mount_height_m=0.6)
 
 
-def reset_twice(policy: Policy, goal: str) -> str:
+def goals(policy: Policy, tasks: Sequence[Task]) -> str:
+    """Start an episode for each goal that the card states, and take one step in it.
+
+    Raises:
+        ModelError: the policy failed for one of them.
+    """
+    for task in tasks:
+        try:
+            episode(policy, task, steps=1)
+        except ModelLostError:
+            raise
+        except Exception as error:
+            kind = task.goal.kind if isinstance(task.goal, Goal) else GoalKind.CATEGORY
+            raise ModelError(f"goal of kind {kind}, {str(task.goal)!r}: {_line_and_place(error)}") from error
+    return ", ".join(str(task.goal) for task in tasks)
+
+
+def reset_twice(policy: Policy, task: Task) -> str:
     """Start an episode, and start another before the first observation."""
-    policy.begin(synthetic_task(goal, SEED))
-    policy.begin(synthetic_task(goal, SEED))
-    return f"{goal}, seed {SEED}"
+    policy.begin(task)
+    policy.begin(task)
+    return f"{task.goal}, seed {task.seed}"
 
 
-def repeats(policy: Policy, goal: str, *, deterministic: bool) -> str:
+def repeats(policy: Policy, task: Task, *, deterministic: bool) -> str:
     """Run two episodes with the same observations and seed.
 
     Raises:
-        ModelError: the actions differ although the policy is deterministic.
+        ModelError: the decisions differ although the policy is deterministic.
     """
-    first, again = (episode(policy, goal, SEED) for _ in range(2))
+    first, again = (episode(policy, task) for _ in range(2))
     number = first_difference(first, again)
     if number and deterministic:
         raise ModelError(
@@ -146,34 +192,36 @@ def repeats(policy: Policy, goal: str, *, deterministic: bool) -> str:
     return f"{STEPS} actions, {'not repeatable, as on the card' if number else 'the same twice'}"
 
 
-def unknown_goal(policy: Policy, goal: str) -> str:
-    """Reset the policy with a goal that does not exist.
+def unknown_goal(policy: Policy, task: Task) -> str:
+    """Begin an episode with a category that does not exist.
 
     Raises:
         ModelError: the policy accepts it although its card lists goals.
     """
+    if GoalKind.CATEGORY not in policy.card.goal_kinds:
+        return "not asked; the card takes no categories"
     try:
-        policy.begin(synthetic_task(_UNKNOWN_GOAL, SEED))
+        policy.begin(replace(task, goal=Goal(_UNKNOWN_GOAL)))
     except ModelLostError:
         raise
     except Exception as error:  # any exception is a refusal
-        policy.begin(synthetic_task(goal, SEED))
+        policy.begin(task)
         return f"refused: {_line(error)}"
     if policy.card.goals is None:
         return "accepted; the card allows any goal"
     raise ModelError("accepted although the card lists goals", advice="raise an error in `reset`")
 
 
-def sizes(policy: Policy, goal: str) -> str:
-    """Run a step with the image sizes of other cameras.
+def sizes(policy: Policy, task: Task) -> str:
+    """Run a step with robots whose cameras have other image sizes.
 
     Raises:
         ModelError: the policy failed at one size.
     """
     for width, height in SIZES:
-        policy.begin(synthetic_task(goal, SEED))
         try:
-            _act(policy, synthetic_observation(policy, 1, width, height))
+            policy.begin(replace(task, robot=replace(task.robot, camera=_camera(width, height))))
+            _act(policy, task, synthetic_observation(policy, 1, width, height))
         except ModelLostError:
             raise
         except Exception as error:
@@ -181,29 +229,29 @@ def sizes(policy: Policy, goal: str) -> str:
     return ", ".join(f"{width} x {height}" for width, height in SIZES)
 
 
-def episode(policy: Policy, goal: str, seed: int, steps: int = STEPS) -> list[Decision]:
+def episode(policy: Policy, task: Task, steps: int = STEPS) -> list[Decision]:
     """Return the decisions of a policy in a synthetic episode, which continues after STOP."""
-    policy.begin(synthetic_task(goal, seed))
-    return [_act(policy, synthetic_observation(policy, number)) for number in range(steps)]
+    policy.begin(task)
+    return [_act(policy, task, synthetic_observation(policy, number)) for number in range(steps)]
 
 
-def _act(policy: Policy, observation: Observation) -> Decision:
+def _act(policy: Policy, task: Task, observation: Observation) -> Decision:
     """Return a decision, validated as in a run."""
-    return checked_decision(policy.act(observation))
+    return fitting_decision(policy.act(observation), policy.card, task.robot)
 
 
-def _forgets(policy: Policy, goal: str) -> str:
-    first = episode(policy, goal, SEED)
-    episode(policy, goal, SEED + 1, 7)
-    if number := first_difference(first, episode(policy, goal, SEED)):
+def _forgets(policy: Policy, task: Task) -> str:
+    first = episode(policy, task)
+    episode(policy, replace(task, seed=task.seed + 1), 7)
+    if number := first_difference(first, episode(policy, task)):
         raise ModelError(f"action {number} differs after another episode", advice="reset all state in `reset`")
     return "the same actions after another episode"
 
 
-def _reads_its_sensors(policy: Policy, goal: str) -> str:
+def _reads_its_sensors(policy: Policy, task: Task) -> str:
     unread = []
     for sensor in sorted(policy.card.sensors):
-        policy.begin(synthetic_task(goal, SEED))
+        policy.begin(task)
         try:
             for number in range(STEPS):
                 policy.act(shown_to_policy(_everything(number), policy.card.sensors - {sensor}))
@@ -232,13 +280,13 @@ def _caused_by_sensor(error: BaseException) -> bool:
     return False
 
 
-def _blind(policy: Policy, goal: str) -> str:
-    policy.begin(synthetic_task(goal, SEED))
-    return f"{_act(policy, synthetic_observation(policy, 0, blind=True)).action.value}"
+def _blind(policy: Policy, task: Task) -> str:
+    policy.begin(task)
+    return f"{_act(policy, task, synthetic_observation(policy, 0, blind=True)).action.value}"
 
 
-def _time(policy: Policy, goal: str) -> str:
-    policy.begin(synthetic_task(goal, SEED))
+def _time(policy: Policy, task: Task) -> str:
+    policy.begin(task)
     durations_s = []
     for number in range(STEPS):
         observation = synthetic_observation(policy, number)
@@ -249,8 +297,13 @@ def _time(policy: Policy, goal: str) -> str:
 
 
 def first_difference(first: list[Decision], again: list[Decision]) -> int:
-    """Return the number of the first action that differs, from 1; 0 if none differs."""
-    return next((number for number, (a, b) in enumerate(zip(first, again, strict=True), 1) if a.action != b.action), 0)
+    """Return the number of the first action that differs, with its parameters, from 1; 0 if none differs."""
+    pairs = enumerate(zip(first, again, strict=True), 1)
+    return next((number for number, (a, b) in pairs if _executed(a) != _executed(b)), 0)
+
+
+def _executed(decision: Decision) -> tuple[object, ...]:
+    return decision.action, decision.movement, decision.parts
 
 
 def _line(error: BaseException) -> str:

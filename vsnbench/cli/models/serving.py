@@ -1,6 +1,6 @@
 """`vsnbench models serve`, and the checks of `models check` for classes and servers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vsnbench.cli.support.options import options_under
-from vsnbench.cli.support.output import print_json
+from vsnbench.cli.support.output import print_json, without_prints_of_models
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import sanitize
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from vsnbench.values.robot_profile import RobotProfile
 
 _address_option = options_under("Address")
+
+_WIDEST_CHECK = len("episodes are independent")
+"""Width of the column with the names of checks, which are printed before the last name is known."""
 
 
 def serve(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -94,9 +97,9 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
 
 def check_against_contract(
     name: str, options: dict[str, Any], parameters: "ProtocolParameters", profile: "RobotProfile | None"
-) -> "tuple[ContractFinding, ...]":
-    """Check a policy in this process."""
-    from vsnbench.models.contract_check import camera_findings, check_policy
+) -> "Iterator[ContractFinding]":
+    """Check a policy in this process, and yield each result as it is known."""
+    from vsnbench.models.contract_check import check_policy
     from vsnbench.models.process_exit import process_exit_refused
     from vsnbench.models.registry import create_policy
     from vsnbench.runner.setup.trial_setup import close_policy, warn_of_assumptions
@@ -110,28 +113,41 @@ def check_against_contract(
                     advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
                 )
             warn_of_assumptions(policy.card, parameters)
-            return (*check_policy(policy), *camera_findings(policy, profile))
+            yield from check_policy(policy, profile)
         finally:
             close_policy(policy)
 
 
-def print_findings(findings: "Sequence[ContractFinding]", *, as_json: bool) -> None:
-    """Print the results of checks; exit code 1 if a check failed."""
+def print_findings(findings: "Iterator[ContractFinding]", *, as_json: bool) -> None:
+    """Run checks and print each result as it is known, as JSON all at the end; exit code 1 if a check failed."""
+    found: list[ContractFinding] = []
+    while True:
+        with without_prints_of_models(as_json=as_json):  # the model runs here
+            finding = next(findings, None)
+        if finding is None:
+            break
+        found.append(finding)
+        if not as_json:
+            _print_finding(finding)
+    if as_json:
+        print_json([asdict(finding) for finding in found])
+    if not all(finding.passed for finding in found):
+        raise typer.Exit(1)
+
+
+def _print_finding(finding: "ContractFinding") -> None:
     from rich.markup import escape
     from rich.table import Table
 
     from vsnbench.text.terminal import Console
 
-    if as_json:
-        print_json([asdict(finding) for finding in findings])
-    else:
-        grid = Table.grid(padding=(0, 2))
-        for finding in findings:
-            result = "[green]ok[/green]" if finding.passed else "[red]failed[/red]"
-            grid.add_row(result, finding.what, escape(sanitize(finding.seen)))
-        Console().print(grid, highlight=False)
-    if not all(finding.passed for finding in findings):
-        raise typer.Exit(1)
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(min_width=len("failed"))
+    grid.add_column(min_width=_WIDEST_CHECK)
+    grid.add_column()
+    result = "[green]ok[/green]" if finding.passed else "[red]failed[/red]"
+    grid.add_row(result, finding.what, escape(sanitize(finding.seen)))
+    Console().print(grid, highlight=False)
 
 
 def _write_stub(directory: Path) -> None:

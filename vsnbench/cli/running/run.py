@@ -108,7 +108,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
-    options, act_timeout_s = trial.model_options(models, weights, model_config, isolated=isolate is not None)
     page = operator_page(console)
     request = RunRequest(
         model=models[0],
@@ -125,8 +124,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
         fit=fit_of(load_config()),
-        model_options=options,
-        act_timeout_s=act_timeout_s,
+        model_options=trial.model_options(weights, model_config),
+        act_timeout_s=load_config().models.act_timeout_s,
         isolation=None if isolate is None else _isolation(isolate),
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=live),

@@ -90,7 +90,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     check_figure(figure)
     check_robot(robot)
     models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
-    options, act_timeout_s = trial.model_options(models, weights, model_config)
     request = RunRequest(
         model=models[0],
         goals=tuple(goal),
@@ -102,8 +101,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         device=load_config().models.device,
         noise=noise,
         fit=fit_of(load_config()),
-        model_options=options,
-        act_timeout_s=act_timeout_s,
+        model_options=trial.model_options(weights, model_config),
+        act_timeout_s=load_config().models.act_timeout_s,
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=False),
     )

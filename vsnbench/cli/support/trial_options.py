@@ -6,7 +6,7 @@ from typing import Annotated
 
 from vsnbench.cli.support.lists import split_list, split_numbers
 from vsnbench.cli.support.options import configured_option, execution_option, options_under, record_option
-from vsnbench.config import BUILT_IN_SITE, load_config
+from vsnbench.config import BUILT_IN_SITE
 from vsnbench.errors import UsageError
 
 _LARGEST_SEED = 2**63 - 1
@@ -117,11 +117,6 @@ def seeds_of(values: Sequence[str] | None) -> tuple[int, ...]:
     return seeds
 
 
-def model_options(
-    models: Sequence[str], weights: Path | None, model_config: Path | None, *, isolated: bool = False
-) -> tuple[dict[str, object], float | None]:
-    """Return the options of the models, and the time limit of an action for a model in this process."""
-    timeout_s = load_config().models.act_timeout_s
-    remote = isolated or any(name.startswith(("ws://", "wss://")) for name in models)
-    options = {"weights": weights, "model_config": model_config, "act_timeout": timeout_s if remote else None}
-    return {name: value for name, value in options.items() if value is not None}, None if remote else timeout_s
+def model_options(weights: Path | None, model_config: Path | None) -> dict[str, object]:
+    """Return the options of the models that were typed."""
+    return {name: value for name, value in (("weights", weights), ("model_config", model_config)) if value is not None}

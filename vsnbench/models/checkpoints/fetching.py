@@ -1,5 +1,6 @@
-"""Downloads weights with resumption. The file appears only when it is complete and has the right hash."""
+"""Downloads weights with resumption. The file appears only when it is complete and has the right hash or content."""
 
+import hashlib
 import http.client
 import re
 import urllib.error
@@ -25,38 +26,52 @@ def fetch(
     progress: Progress = lambda _received, _total: None,
     *,
     known_digits: int = 64,
+    check_content: Callable[[Path], object] | None = None,
 ) -> bool:
     """Download a file.
 
-    A partial download stays in `<name>.<hash>.part` next to the destination, and the next call continues it. The hash
-    has `known_digits` digits; fewer than 64 if only its beginning is published.
+    A partial download stays in `<name>.<hash>.part` next to the destination, and the next call continues it.
+
+    Args:
+        url: address of the file.
+        destination: path of the file.
+        sha256: its hash; empty if it is not known, which `check_content` then makes up for.
+        progress: called as bytes arrive.
+        known_digits: digits of the hash; fewer than 64 if only its beginning is published.
+        check_content: reads a file without a known hash, and raises `ModelError` if it is not the right one.
 
     Returns:
         False if the file was already there.
 
     Raises:
         UsageError: the URL or the hash is invalid, or another file is at the destination.
-        ModelError: the download failed or has another hash.
+        ModelError: the download failed, or has another hash or content.
     """
     sha256 = sha256.lower().removeprefix("sha256:")
-    if not re.fullmatch(rf"[0-9a-f]{{{known_digits}}}", sha256):
+    by_content = check_content if not sha256 else None
+    if by_content is None and not re.fullmatch(rf"[0-9a-f]{{{known_digits}}}", sha256):
         raise UsageError(
             f"--sha256 {sha256[:80]!r} is not a SHA-256, which has 64 hexadecimal digits", code="invalid-sha256"
         )
     if not url.startswith(("http://", "https://")):
         raise UsageError(f"{url!r} is not an http or https address", code="invalid-url")
     if destination.exists():
+        if by_content is not None:
+            by_content(destination)
+            return False
         if file_sha256(destination).startswith(sha256):
             return False
         raise UsageError(
             f"another file is at {destination} (its SHA-256 differs)", advice="move it first", code="file-exists"
         )
-    part = destination.with_name(f"{destination.name}.{sha256[:12]}.part")
+    tag = sha256 or hashlib.sha256(url.encode()).hexdigest()
+    part = destination.with_name(f"{destination.name}.{tag[:12]}.part")
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
         _download(url, part, progress)
-        found = file_sha256(part)
-        if not found.startswith(sha256):
+        if by_content is not None:
+            _check_or_delete(part, url, by_content)
+        elif not (found := file_sha256(part)).startswith(sha256):
             part.unlink()
             raise ModelError(
                 f"{url}: SHA-256 is {found}, not {sha256}; file deleted", advice="check the link", code="wrong-sha256"
@@ -65,6 +80,16 @@ def fetch(
     except OSError as error:
         raise ModelError(f"cannot write {destination}: {error.strerror or error}") from error
     return True
+
+
+def _check_or_delete(part: Path, url: str, check_content: Callable[[Path], object]) -> None:
+    """Check a download by its content, and delete it if it is another file."""
+    try:
+        check_content(part)
+    except ModelError as error:
+        part.unlink()
+        reason = str(error).removeprefix(f"{part}: ")
+        raise ModelError(f"{url}: {reason}; file deleted", advice="check the link", code="wrong-content") from error
 
 
 def _download(url: str, part: Path, progress: Progress) -> None:

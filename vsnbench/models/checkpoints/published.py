@@ -16,9 +16,12 @@ class PublishedFile:
     licence: str
     sha256: str = ""
     """Beginning of its hash; empty if the authors published none."""
+    page: str = ""
+    """Page of its authors that names the file."""
 
 
 _PIRLNAV: Final = "https://habitat-on-web.s3.amazonaws.com/pirlnav_release/checkpoints"
+_PIRLNAV_PAGE: Final = "https://github.com/Ram81/pirlnav#reproducing-results"
 
 PUBLISHED: Final = {
     "mask-rcnn": PublishedFile(
@@ -33,12 +36,21 @@ PUBLISHED: Final = {
         "vlv_model.torch",
         "http://matthewchang.web.illinois.edu/data/vlv_model.torch",
         "not stated by its authors",
+        page="https://github.com/MatthewChang/video-dqn",
     ),
     "pirlnav-il": PublishedFile(
-        "pirlnav", "pirlnav.ckpt", f"{_PIRLNAV}/objectnav_il_hd.ckpt", "not stated by its authors"
+        "pirlnav",
+        "pirlnav.ckpt",
+        f"{_PIRLNAV}/objectnav_il_hd.ckpt",
+        "not stated by its authors",
+        page=_PIRLNAV_PAGE,
     ),
     "pirlnav-rl": PublishedFile(
-        "pirlnav", "pirlnav.ckpt", f"{_PIRLNAV}/objectnav_rl_ft_hd.ckpt", "not stated by its authors"
+        "pirlnav",
+        "pirlnav.ckpt",
+        f"{_PIRLNAV}/objectnav_rl_ft_hd.ckpt",
+        "not stated by its authors",
+        page=_PIRLNAV_PAGE,
     ),
 }
 """Name -> file. `coco-detector` is not here: vsnbench converts it (models/vlv/detectors/centernet)."""

@@ -56,7 +56,7 @@ def find_weights(model: str, file_name: str, given: Path | None) -> Path:
     raise ModelError(
         f"{model} needs weights",
         advice=f"name them with --weights FILE, put them at $VSNBENCH_WEIGHTS/{file_name} "
-        f"(now {path}), or run `vsnbench models fetch {model} URL --sha256 HASH`",
+        f"(now {path}), or run `vsnbench models fetch {model} URL`",
     )
 
 

@@ -26,6 +26,8 @@ _GOAL_EMBEDDING = "net.obj_categories_embedding.weight"
 _CRITIC = "critic."
 _LINEAR_CRITIC = frozenset({"critic.fc.weight", "critic.fc.bias"})
 _STATISTICS = "running_mean_and_var."
+_FRAME_COUNT = "net.visual_encoder.running_mean_and_var._count"
+"""Frames of training: in float16 infinite, because it exceeds 65,504."""
 _LONGEST_NAME = 80
 
 
@@ -58,6 +60,28 @@ class Checkpoint:
     def demonstration(self) -> bool:
         """Whether it is the demonstration model of vsnbench, trained in simulated apartments."""
         return self.trainer == DEMONSTRATION_TRAINER
+
+
+def read_published(path: Path, *, fine_tuned: bool) -> Checkpoint:
+    """Read a checkpoint that should be one of the two that the authors published, for which they state no hash.
+
+    Args:
+        path: the file.
+        fine_tuned: whether it should be the one after reinforcement learning, which has a critic.
+
+    Raises:
+        ModelError: it is no PIRLNav checkpoint, or has another network than the published one.
+    """
+    checkpoint = read_checkpoint(path)
+    if checkpoint.architecture != Architecture(critic=checkpoint.fine_tuned) or checkpoint.demonstration:
+        raise ModelError(
+            f"{path}: a PIRLNav network of another size than the published one: "
+            f"{checkpoint.parameter_count:,} parameters"
+        )
+    if checkpoint.fine_tuned is not fine_tuned:
+        found, wanted = ("after RL", "before RL") if checkpoint.fine_tuned else ("before RL", "after RL")
+        raise ModelError(f"{path}: the published checkpoint {found}, not the one {wanted}")
+    return checkpoint
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -108,6 +132,9 @@ def _fitting(
     critic = named.keys() >= _LINEAR_CRITIC
     if not critic:  # another kind of critic: no decision depends on it
         named = {name: weight for name, weight in named.items() if not name.startswith(_CRITIC)}
+    count = named.get(_FRAME_COUNT)
+    if count is not None and not np.isfinite(count).all():  # no decision depends on it
+        named = {**named, _FRAME_COUNT: np.zeros_like(count)}
     architecture = architecture_of(
         config, actions=_rows(named, _ACTION_HEAD), goals=_rows(named, _GOAL_EMBEDDING), critic=critic, origin=origin
     )

@@ -2,28 +2,30 @@
 
 import logging
 import statistics
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import (
-    SEED,
     STEPS,
     ContractFinding,
     camera_findings,
     card_summary,
     episode,
+    example_tasks,
     first_difference,
-    known_goal,
+    goals,
     repeats,
     reset_twice,
     sizes,
     synthetic_observation,
-    synthetic_task,
     try_each,
     unknown_goal,
 )
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
+from vsnbench.models.task import Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -35,8 +37,10 @@ def check_server(
     model_config: Path | None = None,
     parameters: ProtocolParameters | None = None,
     profile: RobotProfile | None = None,
-) -> tuple[ContractFinding, ...]:
-    """Run every check of the wire protocol, and compare the trained camera with that of a robot's profile.
+) -> Iterator[ContractFinding]:
+    """Run every check of the wire protocol, and yield each result as it is known.
+
+    The trained camera is compared with that of a robot's profile.
 
     Raises:
         UsageError: the address is invalid.
@@ -47,35 +51,35 @@ def check_server(
     try:
         for difference in wrong_assumptions(policy.card, parameters or ProtocolParameters()):
             logger.warning("%s", difference)
-        goal = known_goal(policy)
-        return (
-            ContractFinding("hello", True, card_summary(policy)),
-            *camera_findings(policy, profile),
-            *try_each(
-                {
-                    "reset twice": lambda: reset_twice(policy, goal),
-                    "same seed, same actions": lambda: repeats(policy, goal, deterministic=policy.deterministic),
-                    "unknown goal": lambda: unknown_goal(policy, goal),
-                    "other image sizes": lambda: sizes(policy, goal),
-                    "unknown request": lambda: _unknown_question(policy, goal),
-                    **(
-                        {"one client at a time": lambda: _second_client(policy)}
-                        if policy.sessions == 1
-                        else {"sessions are independent": lambda: _sessions(policy, url, model_config, goal)}
-                    ),
-                    "time": lambda: _time(policy, goal),
-                }
-            ),
+        tasks = example_tasks(policy.card, profile)
+        task = tasks[0]
+        yield ContractFinding("hello", True, card_summary(policy))
+        yield from camera_findings(policy, profile)
+        yield from try_each(
+            {
+                "goals": lambda: goals(policy, tasks),
+                "reset twice": lambda: reset_twice(policy, task),
+                "same seed, same actions": lambda: repeats(policy, task, deterministic=policy.deterministic),
+                "unknown goal": lambda: unknown_goal(policy, task),
+                "other image sizes": lambda: sizes(policy, task),
+                "unknown request": lambda: _unknown_question(policy, task),
+                **(
+                    {"one client at a time": lambda: _second_client(policy)}
+                    if policy.sessions == 1
+                    else {"sessions are independent": lambda: _sessions(policy, url, model_config, task)}
+                ),
+                "time": lambda: _time(policy, task),
+            }
         )
     finally:
         policy.close()
 
 
-def _unknown_question(policy: RemotePolicy, goal: str) -> str:
+def _unknown_question(policy: RemotePolicy, task: Task) -> str:
     answer = policy.connection.ask({"type": "sing"}, policy.settings.act_timeout_s)
     if answer.message.get("type") != "error":
         raise ModelError(f"answered with {answer.message.get('type')!r:.40} instead of error")
-    policy.reset(goal, SEED)
+    policy.begin(task)
     return "answered with an error, then continued"
 
 
@@ -87,15 +91,15 @@ def _second_client(policy: RemotePolicy) -> str:
     raise ModelError("a second client is accepted during the first: their episodes would mix")
 
 
-def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, goal: str) -> str:
+def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, task: Task) -> str:
     """Run an episode again, with another client's episode at the same time."""
-    alone, together = episode(policy, goal, SEED), []
+    alone, together = episode(policy, task), []
     other = RemotePolicy(url, model_config)
     try:
-        policy.begin(synthetic_task(goal, SEED))
+        policy.begin(task)
         for number in range(STEPS):
             if number % 3 == 1:
-                other.begin(synthetic_task(goal, SEED + number))
+                other.begin(replace(task, seed=task.seed + number))
             together.append(policy.act(synthetic_observation(policy, number)))
             if number:
                 other.act(synthetic_observation(policy, STEPS - number))
@@ -112,8 +116,8 @@ def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, goal: s
     return f"{policy.sessions} sessions; {same}"
 
 
-def _time(policy: RemotePolicy, goal: str) -> str:
-    transfers = [decision.diagnostics.details["wire"] for decision in episode(policy, goal, SEED)]
+def _time(policy: RemotePolicy, task: Task) -> str:
+    transfers = [decision.diagnostics.details["wire"] for decision in episode(policy, task)]
     whole = statistics.median(transfer["round_trip_s"] for transfer in transfers) * 1000
     own = [transfer["infer_s"] for transfer in transfers if transfer["infer_s"] is not None]
     inference = f", {statistics.median(own) * 1000:.1f} ms of it in the model" if own else ""

@@ -43,12 +43,16 @@ class RemoteSettings(BaseModel):
     act_timeout_s: float = Field(
         default=10.0, gt=0, le=600, description="time for an action; afterwards the model is lost"
     )
-    reset_timeout_s: float = Field(default=60.0, gt=0, le=3600, description="time for the start of an episode")
+    reset_timeout_s: float = Field(
+        default=60.0, gt=0, le=3600, description="time for the start of an episode, and for a connection's first action"
+    )
     patience_s: float = Field(default=30.0, ge=0, le=3600, description="time to reconnect between episodes")
 
 
 class RemotePolicy(Policy):
     """The client of a served policy. It has the server's card, and every request has a deadline.
+
+    The first action of a connection has the time of `reset`, because many models compile or allocate at it.
 
     If an answer is late, the model is lost (ModelLostError) and the episode is void. The next episode connects again,
     and only to a model with the same card.
@@ -84,6 +88,8 @@ class RemotePolicy(Policy):
         self.settings = given
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
+        self._acted_on: Connection | None = None
+        """The connection that has answered an action."""
         self._connection: Connection | None = self._first_connection()
         try:
             self.card = self._card_of(self._connection)
@@ -148,14 +154,18 @@ class RemotePolicy(Policy):
         content = observation_to_message(observation, rgb=self.settings.rgb, depth=self.settings.depth)
         if connection.version == 1:
             content.pop("budget", None)
-        answer = self._ask(connection, {"type": "act", **content}, "decision", self.settings.act_timeout_s)
+        limit_s = self.settings.act_timeout_s
+        if connection is not self._acted_on:  # many models compile or allocate at their first action
+            limit_s = max(limit_s, self.settings.reset_timeout_s)
+        answer = self._ask(connection, {"type": "act", **content}, "decision", limit_s)
+        self._acted_on = connection
         if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
             raise ModelError(
                 f"the server at {self._address} uses version 1 of the protocol, which has no movements",
                 advice=REPLACE_STUB,
                 code="wrong-protocol-version",
             )
-        return _decision(answer, self.settings.act_timeout_s)
+        return _decision(answer, limit_s)
 
     def close(self) -> None:
         """Close the connection."""

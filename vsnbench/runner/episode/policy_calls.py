@@ -14,19 +14,19 @@ from dataclasses import replace
 from vsnbench.errors import DecisionError, ModelError, ModelLostError, VsnbenchError
 from vsnbench.models import duck_typed, loaded
 from vsnbench.models.contract import Policy
+from vsnbench.models.decision_fit import fitting_decision, without_tilt
 from vsnbench.models.goal_fit import goal_for
 from vsnbench.models.process_exit import take_refused_exit
-from vsnbench.models.task import Task
+from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime import time_limits
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, sanitize
-from vsnbench.values.action import TILTS, Action
+from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
-from vsnbench.values.decision_check import checked_decision
-from vsnbench.values.movement import Movement, Velocity
+from vsnbench.values.movement import Movement
 from vsnbench.values.observation import Budget, Observation, shown_to_policy
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
@@ -52,10 +52,8 @@ class PolicyCalls:
         self._policy = policy
         self._stop = stop
         self._name = policy.card.name
-        self._sensors = frozenset(policy.card.sensors)
-        self._action_kinds = frozenset(policy.card.action_kinds)
-        self._action_map = dict(policy.card.action_map)
-        self._base: Base | None = None
+        self._card = replace(policy.card, action_map=dict(policy.card.action_map))
+        self._robot: RobotFacts | None = None
 
     def begin(self, site: Site, start: Pose, task: Task, parameters: ProtocolParameters, base: Base) -> None:
         """Begin an episode; only a policy that asks for the survey is handed the site and the true start.
@@ -64,7 +62,7 @@ class PolicyCalls:
             PolicyFailedError: the policy raised an exception.
             ModelLostError: the policy's server cannot be reached.
         """
-        self._base = base
+        self._robot = task.robot
         with self._failures("reset"):
             if self._policy.needs_survey:
                 self._policy.survey(site, start, base, parameters)
@@ -78,45 +76,13 @@ class PolicyCalls:
             SensorLostError: the observation lacks a sensor of the card.
             ModelLostError: the policy's server did not answer in time.
         """
-        visible = shown_to_policy(observation, self._sensors, budget)
+        visible = shown_to_policy(observation, self._card.sensors, budget)
         with self._failures("act"):
-            decision = checked_decision(self._policy.act(visible))
-            self._check_kinds(decision)
-            for part in decision.parts:
-                self.without_tilt(part)
-            return decision if decision.parts else self.without_tilt(decision)
+            return fitting_decision(self._policy.act(visible), self._card, self._robot)
 
-    def without_tilt(self, decided: Decision | Action | Movement) -> Decision:
-        """Return a decision, or a part of a chunk, with LOOK_UP and LOOK_DOWN replaced as the card states.
-
-        Raises:
-            DecisionError: the card replaces it by no other action.
-        """
-        decision = decided if isinstance(decided, Decision) else Decision(decided)
-        if decision.action not in TILTS:
-            return decision
-        if decision.action not in self._action_map:
-            raise DecisionError(
-                f"answered with {decision.action}, and no robot tilts its camera",
-                advice=f"map it on the card, for example action_map={{Action.{decision.action}: Action.NOOP}}",
-            )
-        return replace(decision, action=self._action_map[decision.action])
-
-    def _check_kinds(self, decision: Decision) -> None:
-        """Check that the card states the kinds of a decision, and that the base reaches its velocities.
-
-        Raises:
-            DecisionError: it does not.
-        """
-        if unstated := decision.kinds - self._action_kinds:
-            stated = ", ".join(sorted(self._action_kinds))
-            raise DecisionError(
-                f"answered with {', '.join(sorted(unstated))}, but its card states {stated}",
-                advice="add the kind to the card's action_kinds",
-            )
-        for movement in (decision.movement, *decision.parts):
-            if isinstance(movement, Velocity) and self._base is not None:
-                _check_velocity(movement, self._base)
+    def without_tilt(self, part: Action | Movement) -> Decision:
+        """Return a part of a chunk as a decision, with LOOK_UP and LOOK_DOWN replaced as the card states."""
+        return without_tilt(part, self._card)
 
     @contextmanager
     def _failures(self, where: str) -> Iterator[None]:
@@ -146,16 +112,6 @@ class PolicyCalls:
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {line}")
         logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
         return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")
-
-
-def _check_velocity(velocity: Velocity, base: Base) -> None:
-    limits = (
-        (velocity.linear_m_s, base.max_linear_m_s, "m/s"),
-        (velocity.angular_rad_s, base.max_angular_rad_s, "rad/s"),
-    )
-    for asked, limit, unit in limits:
-        if abs(asked) > limit * (1 + 1e-6):
-            raise DecisionError(f"a velocity of {asked:.4g} {unit} exceeds this base's maximum of {limit:g} {unit}")
 
 
 def _traceback(error: BaseException) -> str:

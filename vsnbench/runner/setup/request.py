@@ -6,7 +6,7 @@ from typing import Any
 
 from vsnbench.config import BUILT_IN_SITE
 from vsnbench.models.camera_fit import Fit
-from vsnbench.models.names import is_third_party
+from vsnbench.models.names import is_address, is_third_party
 from vsnbench.models.registry import keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation
 from vsnbench.protocol.disturbances import NONE, Disturbances
@@ -75,7 +75,7 @@ class RunRequest:
 
     def setup_spec(self, site: Site) -> TrialSetupSpec:
         """Return the setup of every trial."""
-        is_remote = self.isolation is not None or self.model.startswith(("ws://", "wss://"))
+        is_remote = self.isolation is not None or is_address(self.model)
         remote_options = {"act_timeout": self.act_timeout_s} if is_remote and self.act_timeout_s is not None else {}
         spec = TrialSetupSpec(
             site=site,

@@ -1,7 +1,9 @@
 """Stand-in for NavDP's server: the same routes, forms and answers, planned by a rule.
 
-Written from InternRobotics/NavDP (commit cb33ff8), baselines/navdp/navdp_server.py and policy_agent.py: it refuses what
-they could not read. It drives straight on, turns where depth is short, and ends after four trajectories.
+Written from InternRobotics/NavDP (commit cb33ff8), baselines/navdp/navdp_server.py, policy_agent.py and
+policy_network.py: it refuses what they could not read. Its critic refuses where depth is short; then it turns as
+policy_agent.py:203-205 does. After four trajectories it plans one of 10 cm. For an image goal, x and y of a trajectory
+that ends under 0.5 m become 0, as in policy_network.py:149-150, which is upstream's sign for "arrived".
 """
 
 import argparse
@@ -14,7 +16,8 @@ import numpy as np
 from PIL import Image
 
 POINTS, CANDIDATES = 24, 16
-agent = {"steps": -1}
+STOP_UNDER_M = 0.5
+agent = {"steps": -1, "threshold": 0.0}
 
 
 def arrays(body, content_type):
@@ -48,35 +51,35 @@ class Handler(BaseHTTPRequestHandler):
         given = json.loads(body)
         assert np.array(given["intrinsic"]).shape == (3, 3)
         assert given["batch_size"] == 1
-        assert given["stop_threshold"] < 0
-        agent["steps"] = 0
+        agent.update(steps=0, threshold=given["stop_threshold"])
         return {"algo": "navdp"}
 
     def imagegoal_step(self, body):
         rgb, depth = arrays(body, self.headers["Content-Type"])
         assert rgb["goal"].ndim == 3
-        return self.plan(rgb["image"], depth)
+        return self.plan(rgb["image"], depth, image_goal=True)
 
     def nogoal_step(self, body):
         rgb, depth = arrays(body, self.headers["Content-Type"])
-        return self.plan(rgb["image"], depth)
+        return self.plan(rgb["image"], depth, image_goal=False)
 
-    def plan(self, rgb, depth):
+    def plan(self, rgb, depth, image_goal):
         assert agent["steps"] >= 0, "no reset"
         assert rgb.shape[:2] == depth.shape
         agent["steps"] += 1
         path = np.zeros((1, POINTS, 3))
+        path[0, :, 0] = np.linspace(0.06, 1.5, POINTS) if agent["steps"] <= 4 else np.linspace(0.005, 0.1, POINTS)
+        path[0, :, 1] = -path[0, :, 0] / 100  # a little to the right
+        if image_goal and np.hypot(*path[0, -1, :2]) < STOP_UNDER_M:
+            path[..., :2] = 0.0
         middle = depth[depth.shape[0] // 3 : depth.shape[0] // 2, depth.shape[1] // 3 : -depth.shape[1] // 3]
-        if agent["steps"] > 4:
-            path[0, :, 0] = np.linspace(0.005, 0.1, POINTS)
-        elif 0 < middle[middle > 0].min(initial=9.0) < 0.9:
-            path[0, :, 1] = 1.0  # upstream's trajectory where its critic refuses all
-        else:
-            path[0, :, 0] = np.linspace(0.06, 1.5, POINTS)
+        value = -4.0 if 0 < middle[middle > 0].min(initial=9.0) < 0.9 else -0.8
+        if value < agent["threshold"]:
+            path[..., 0], path[..., 1] = 0.0, np.sign(path[..., 1].mean())
         return {
             "trajectory": path.tolist(),
             "all_trajectory": np.repeat(path[:, None], CANDIDATES, 1).tolist(),
-            "all_values": np.full((1, CANDIDATES), -0.1).tolist(),
+            "all_values": np.full((1, CANDIDATES), value).tolist(),
         }
 
     def log_message(self, *_):

@@ -1,6 +1,6 @@
 """Stand-in for Uni-NaVid's agent: the same class, attributes and answers, without the network.
 
-Written from the file of this name in Uni-NaVid (PRO-2684/Uni-NaVid, commit a9734b0). Each prediction consumes
+Written from the file of this name in Uni-NaVid (jzhzhang/Uni-NaVid, commit 64444eb). Each prediction consumes
 `rgb_list`; the third one is `stop`.
 """
 

@@ -1,6 +1,6 @@
 """Stand-in for llava.model.builder: a model whose answers are a list.
 
-Written from NaVILA's evaluation (D3fy-Crypto/NaVILA, commit c9a0b96, evaluation/vlnce_baselines/navila_trainer.py).
+Written from NaVILA's evaluation (AnjieCheng/NaVILA, commit 76b98f2, evaluation/vlnce_baselines/navila_trainer.py).
 """
 
 from types import SimpleNamespace
