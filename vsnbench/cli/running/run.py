@@ -24,7 +24,7 @@ from vsnbench.cli.support.options import (
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable, without_prints_of_models
-from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, isolation_interpreter, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -149,9 +149,9 @@ def _isolation(python: str) -> "Isolation":
     """Return the process of `--isolate`, with the settings of section `[isolation]`."""
     from vsnbench.models.remote.isolation import Isolation
 
-    configured = load_config().isolation
-    memory_bytes = None if configured.memory_gib is None else round(configured.memory_gib * 2**30)
-    return Isolation(Path(python) if python else configured.python, memory_bytes)
+    memory_gib = load_config().isolation.memory_gib
+    memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
+    return Isolation(Path(python) if python else isolation_interpreter(), memory_bytes)
 
 
 def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:
