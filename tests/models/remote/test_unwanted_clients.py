@@ -7,6 +7,7 @@ from contextlib import ExitStack
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from tests.models.remote.servers import look, stub_server
 from tests.processes import wait_until
@@ -66,7 +67,8 @@ def test_the_oldest_of_too_many_silent_clients_are_closed(url: str, greets: bool
 
 
 def test_a_page_in_a_browser_cannot_use_the_model(url: str) -> None:
-    with pytest.raises(InvalidStatus) as refused, connect(url, origin="http://evil.example"):  # type: ignore[arg-type]
+    page = Origin("http://evil.example")
+    with pytest.raises(InvalidStatus) as refused, connect(url, origin=page):
         pass
     assert refused.value.response.status_code == 403
     with connect(url):
