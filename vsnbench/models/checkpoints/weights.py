@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vsnbench.errors import ModelError
 from vsnbench.files.package_data import resource_directory
+from vsnbench.files.regular import open_regular
 
 WEIGHTS_VARIABLE = "VSNBENCH_WEIGHTS"
 EMBEDDED = "embedded"
@@ -62,5 +63,5 @@ def find_weights(model: str, file_name: str, given: Path | None) -> Path:
 
 def file_sha256(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, in hexadecimal."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
