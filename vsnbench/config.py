@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import UsageError
+from vsnbench.files.home import expanded
 from vsnbench.files.ownership import writers_other_than_us
 
 FILE_NAME = "vsnbench.toml"
@@ -339,4 +340,4 @@ def _resolve(file: Path, name: str, value: str) -> str:
     )
     if is_name or (file.parent == Path.cwd() and not value.startswith("~")):
         return value
-    return str(file.parent / Path(value).expanduser())
+    return str(file.parent / expanded(value))

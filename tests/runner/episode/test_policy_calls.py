@@ -13,7 +13,7 @@ import pytest
 
 from tests.runner.episode.test_episode import MemoryRecorder
 from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
-from vsnbench.errors import EpisodeClosedError, ModelLostError, RecordError
+from vsnbench.errors import EpisodeClosedError, ModelError, ModelLostError, RecordError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.models.task import task_of
@@ -133,6 +133,15 @@ def test_a_lost_model_leaves_one_bounded_printable_line(loss: ModelLostError, be
     assert outcome.error.startswith(begin)
     assert len(outcome.error) <= LONGEST_LINE
     assert outcome.error.isprintable()
+
+
+def test_a_stated_failure_is_logged_with_the_models_frames_and_not_ours(caplog: pytest.LogCaptureFixture) -> None:
+    failure = ModelError("sent an invalid message")
+    failure.add_note("In the model's own process:\nnet.py, line 7")
+    run(Answering(fail_with(failure)), StandInRobot(), MemoryRecorder())
+    assert [record.getMessage() for record in caplog.records if record.levelname == "ERROR"] == [
+        "model answering failed in act: sent an invalid message\nIn the model's own process:\nnet.py, line 7"
+    ]
 
 
 def test_an_exit_in_reset_is_a_model_error() -> None:

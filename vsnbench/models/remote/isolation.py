@@ -24,6 +24,7 @@ from typing import Any, Self
 import psutil
 
 from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
@@ -302,7 +303,7 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
         raise UsageError(
             f"{names} cannot be passed to a model with another interpreter", advice="let its class read its settings"
         )
-    found = shutil.which(str(python.expanduser()))
+    found = shutil.which(str(expanded(python)))
     if found is None:
         raise UsageError(
             f"no interpreter {python}", advice="write --isolate /path/to/env/bin/python", code="no-interpreter"

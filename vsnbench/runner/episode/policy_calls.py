@@ -144,7 +144,11 @@ class PolicyCalls:
         if isinstance(error, DecisionError):
             line = error_line(error, named=False)
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {line}")
-        logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
+        if type(error) is ModelError:  # states the failure; frames of this package would add nothing
+            notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
+            logger.error("model %s failed in %s: %s%s", self._name, where, error_line(error, named=False), notes)
+        else:
+            logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
         return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")
 
 
