@@ -40,6 +40,8 @@ START_TIMEOUT_S = 120.0
 _TERMINATE_S = 3.0
 _LAST_LINES = 20
 _STUB_PACKAGES = ("numpy", "msgpack", "websockets")
+_TRANSPORT_CODES = ("not-a-model-server", "connection-lost", "no-server")
+"""Codes of errors that the packages of the model's environment cause: no model has answered."""
 _END_PATIENCE_S = 1.0
 """A connection breaks shortly before the end of its process is visible."""
 
@@ -254,6 +256,8 @@ class IsolatedPolicy(RemotePolicy):
         except (ModelLostError, ModelError) as error:
             if death := self._process.wait_for_death():
                 raise ModelError(death) from error
+            if error.code not in _TRANSPORT_CODES:
+                raise
             last = f": {self._process.last_line}" if self._process.last_line else ""
             raise ModelError(
                 f"model {self._address} started in a separate process, which sent no card{last}",
@@ -315,6 +319,10 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment without the variables of this interpreter."""
-    variables = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
+    """Return the environment without the variables of this interpreter and without the token.
+
+    The token is for servers that other machines reach. A model must not read it, and would expect it from this process.
+    """
+    left_out = ("PYTHONHOME", "VIRTUAL_ENV", vsnbench_policy.TOKEN_VARIABLE)
+    variables = {name: value for name, value in os.environ.items() if name not in left_out}
     return {**variables, "PYTHONUNBUFFERED": "1"}

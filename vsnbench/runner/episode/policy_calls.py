@@ -20,6 +20,7 @@ from vsnbench.models.task import Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime import time_limits
+from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, sanitize
@@ -127,7 +128,8 @@ class PolicyCalls:
         """
         failure: VsnbenchError | PolicyFailedError | None = None
         try:
-            yield
+            with floating_point_restored():
+                yield
         except BaseException as error:
             self._stop.act_now()
             failure = self._failure(where, error)
