@@ -63,6 +63,8 @@ class ResultsDirectory:
             environment: environment variables.
         """
         where = expanded(path or environment.get(ENVIRONMENT_VARIABLE) or BUILT_IN_RESULTS)
+        if str(where).startswith("-"):
+            where = Path.cwd() / where  # other programs, and commands that messages suggest, would read an option
         return cls(where, database_url or sqlite_url(where / DATABASE_NAME))
 
     @property
