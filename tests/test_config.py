@@ -46,14 +46,14 @@ def test_the_name_of_an_embedded_site_is_not_a_path(tmp_path: Path) -> None:
 def test_sections_override_built_in_values_and_their_paths_are_relative_to_the_file(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(
         '[console]\naddress = "0.0.0.0"\ncertificate = "c.pem"\n'
-        '[isolation]\npython = "python3.9"\nmemory_gib = 8\n'
+        '[isolation]\npython = "python3.9"\nmemory_gib = 8\nhide_results = true\n'
         "[cluster]\nworkers = 16\ngpus_per_worker = 0.25\n[models]\nact_timeout_s = 5\n"
     )
     below = tmp_path / "below"
     below.mkdir()
     config = load_config(below)
     assert config.console == ConsoleConfig("0.0.0.0", 8710, tmp_path / "c.pem", None)
-    assert config.isolation == IsolationConfig(Path("python3.9"), 8.0)
+    assert config.isolation == IsolationConfig(Path("python3.9"), 8.0, hide_results=True)
     assert config.cluster == ClusterConfig(16, 0.25)
     assert (config.models.act_timeout_s, config.study.model_memory_gib) == (5.0, None)
     assert load_config(Path("/")) == Config()
@@ -80,6 +80,7 @@ def test_values_are_passed_to_child_processes_unless_the_environment_has_them(
         ("[cluster]\nworkers = 1.5", "invalid-config", "cluster.workers"),
         ("[isolation]\nmemory_gib = nan", "invalid-config", "isolation.memory_gib"),
         ("[isolation]\npython = 3", "invalid-config", "isolation.python"),
+        ("[isolation]\nhide_results = 1", "invalid-config", "isolation.hide_results"),
         ("robot = 3", "invalid-config", "robot"),
         ('robot = ""', "invalid-config", "robot"),
         ('site = "a\\nb"', "invalid-config", "site"),

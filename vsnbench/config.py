@@ -32,9 +32,8 @@ BUILT_IN_SITE = "apartment"
 BUILT_IN_ROBOT = "simulated"
 BUILT_IN_PROTOCOL = "ros4vsn"
 BUILT_IN_RESULTS = "results"
-_MOST_BYTES = 2**16
-"""Of a refused file, to name its keys."""
 _PATHS = {"site", "protocol", "results", "weights", "console.certificate", "console.key", "isolation.python"}
+_FLAGS = {"isolation.hide_results"}
 _NUMBERS: Mapping[str, tuple[type, float, float]] = {
     "console.port": (int, 0, 65535),
     "isolation.memory_gib": (float, 0.1, math.inf),
@@ -67,6 +66,8 @@ class IsolationConfig:
     """Interpreter; None for the one that runs vsnbench. Use `isolation_interpreter`."""
     memory_gib: float | None = None
     """Memory limit; None for no limit."""
+    hide_results: bool = False
+    """Whether the process cannot read the results, which have the robot's true poses; needs Landlock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,7 @@ def _keys_of(file: Path) -> str:
     """Return the known keys that a file sets, as the subject of a statement."""
     try:
         with file.open("rb") as opened:
-            content = tomllib.loads(opened.read(_MOST_BYTES).decode())
+            content = tomllib.loads(opened.read(2**16).decode())
     except (OSError, ValueError, RecursionError):
         content = {}
     keys = [name for name in VARIABLE_OF if name in content]
@@ -295,7 +296,11 @@ def _read_section(file: Path, section: str, table: object) -> Any:
         name = f"{section}.{key}"
         if name not in known:
             raise _unknown_key(file, name, known)
-        if name in _NUMBERS:
+        if name in _FLAGS:
+            if not isinstance(value, bool):
+                raise _invalid(f"{file}: {name} must be true or false, got {value!r}")
+            values[key] = value
+        elif name in _NUMBERS:
             values[key] = _number(file, name, value)
         else:
             text = _text(file, name, value)

@@ -29,6 +29,7 @@ from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
+    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
@@ -127,7 +128,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         fit=fit_of(load_config()),
         model_options=options,
         act_timeout_s=act_timeout_s,
-        isolation=None if isolate is None else _isolation(isolate),
+        isolation=None if isolate is None else _isolation(isolate, results_directory(results, db)),
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=live),
         attended=page is not None,
@@ -145,13 +146,19 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     )
 
 
-def _isolation(python: str) -> "Isolation":
+def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":
     """Return the process of `--isolate`, with the settings of section `[isolation]`."""
     from vsnbench.models.remote.isolation import Isolation
+    from vsnbench.results.database_url import sqlite_path
 
-    memory_gib = load_config().isolation.memory_gib
-    memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
-    return Isolation(Path(python) if python else isolation_interpreter(), memory_bytes)
+    configured = load_config().isolation
+    memory_bytes = None if configured.memory_gib is None else round(configured.memory_gib * 2**30)
+    hidden: tuple[Path, ...] = ()
+    if configured.hide_results:
+        database = sqlite_path(results.database_url)
+        names = [f"{database}{suffix}" for suffix in ("", "-wal", "-shm")] if database else []
+        hidden = (results.path, *map(Path, names))
+    return Isolation(Path(python) if python else isolation_interpreter(), memory_bytes, hidden)
 
 
 def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:

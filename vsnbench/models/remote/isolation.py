@@ -31,6 +31,7 @@ from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
+from vsnbench.runtime.hide_files import can_hide_files, command_without
 from vsnbench.text.sanitize import sanitize
 
 logger = logging.getLogger(__name__)
@@ -54,6 +55,8 @@ class Isolation:
     """Interpreter of the model's environment, which needs numpy, msgpack and websockets; None for this interpreter."""
     memory_bytes: int | None = None
     """Memory limit; None for no limit."""
+    hidden: tuple[Path, ...] = ()
+    """Files and directories that the process cannot read."""
 
 
 class IsolatedProcess:
@@ -79,16 +82,26 @@ class IsolatedProcess:
             ModelError: the process ended, or does not listen in time.
         """
         hide_memory()
+        if isolation.hidden and not can_hide_files():
+            raise UsageError(
+                "this kernel cannot hide the results from a model: it has no Landlock",
+                advice="leave hide_results out of [isolation] in vsnbench.toml, or serve the model from a container",
+                code="no-landlock",
+            )
         scratch = ScratchDirectory("model")
         socket_file = scratch.path / "model.sock"
         try:
             command = _command(model, options, isolation.python, socket_file)
+            environment = _environment()
+            if isolation.hidden:
+                command = command_without(isolation.hidden, command)
+                environment["TMPDIR"] = str(scratch.path)  # what it writes beside the results it could not read
             process = subprocess.Popen(
                 command_that_ends_with_parent(command, unprivileged=True),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                env=_environment(),
+                env=environment,
                 start_new_session=True,  # Ctrl-C goes to the run, which ends the model after the robot has stopped
             )
             if isolation.memory_bytes is not None:
