@@ -1,7 +1,12 @@
-"""User configuration, `vsnbench.toml`: values for what a command line and the environment leave out."""
+"""User configuration, `vsnbench.toml`: values for what a command line and the environment leave out.
+
+The file is searched upward from the working directory, where other users may have put one. A file that others could
+have written is refused, and an interpreter is taken from the working directory's own file only.
+"""
 
 import math
 import os
+import shlex
 import tomllib
 from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field, fields
@@ -10,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import UsageError
+from vsnbench.files.home import expanded
+from vsnbench.files.ownership import writers_other_than_us
 
 FILE_NAME = "vsnbench.toml"
 VARIABLE_OF: Mapping[str, str] = {
@@ -26,6 +33,7 @@ BUILT_IN_ROBOT = "simulated"
 BUILT_IN_PROTOCOL = "ros4vsn"
 BUILT_IN_RESULTS = "results"
 _PATHS = {"site", "protocol", "results", "weights", "console.certificate", "console.key", "isolation.python"}
+_FLAGS = {"isolation.hide_results"}
 _NUMBERS: Mapping[str, tuple[type, float, float]] = {
     "console.port": (int, 0, 65535),
     "isolation.memory_gib": (float, 0.1, math.inf),
@@ -55,9 +63,11 @@ class IsolationConfig:
     """Section `[isolation]`: the process of a model with `--isolate`."""
 
     python: Path | None = None
-    """Interpreter; None for the one that runs vsnbench."""
+    """Interpreter; None for the one that runs vsnbench. Use `isolation_interpreter`."""
     memory_gib: float | None = None
     """Memory limit; None for no limit."""
+    hide_results: bool = False
+    """Whether the process cannot read the results, which have the robot's true poses; needs Landlock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +146,63 @@ class ConfigDefault:
 
 
 def find_config_file(directory: Path) -> Path | None:
-    """Return the nearest `vsnbench.toml` in a directory or above it, or None."""
-    return next((file for place in (directory, *directory.parents) if (file := place / FILE_NAME).is_file()), None)
+    """Return the nearest `vsnbench.toml` in a directory or above it, or None.
+
+    Raises:
+        UsageError: others could have written it.
+    """
+    files = (place / FILE_NAME for place in (directory, *directory.parents))
+    file = next((file for file in files if os.path.isfile(file)), None)  # noqa: PTH113 - False for what is not ours
+    if file is not None:
+        _check_writers(file, directory)
+    return file
+
+
+def _check_writers(file: Path, directory: Path) -> None:
+    """Refuse a file that other users could have written, with the keys that it would have set."""
+    try:
+        writers = writers_other_than_us(file)
+    except OSError as error:
+        raise _invalid(f"cannot read {file}: {error.strerror}") from error
+    if not writers:
+        return
+    advice = "if you trust it, make it and its directory yours alone with chown and chmod go-w"
+    if file.parent != directory:
+        advice = f"create a {FILE_NAME} of your own, which can be empty, in {directory}; {advice}"
+    raise UsageError(f"{writers}, so {_keys_of(file)} not used", advice=advice, code="untrusted-config")
+
+
+def _keys_of(file: Path) -> str:
+    """Return the known keys that a file sets, as the subject of a statement."""
+    try:
+        with file.open("rb") as opened:
+            content = tomllib.loads(opened.read(2**16).decode())
+    except (OSError, ValueError, RecursionError):
+        content = {}
+    keys = [name for name in VARIABLE_OF if name in content]
+    for section, kind in SECTIONS.items():
+        table = content.get(section)
+        if isinstance(table, dict):
+            keys += [f"{section}.{key.name}" for key in fields(kind) if key.name in table]
+    return f"its {', '.join(keys)} {'is' if len(keys) == 1 else 'are'}" if keys else "it is"
+
+
+def isolation_interpreter(directory: Path | None = None) -> Path | None:
+    """Return `[isolation] python` of a directory's own file; None if it is not set.
+
+    Raises:
+        UsageError: it is set by a file above the directory; or as `load_config`.
+    """
+    directory = directory or Path.cwd()
+    config = load_config(directory)
+    if config.file is None or config.isolation.python is None or config.file.parent == directory:
+        return config.isolation.python
+    raise UsageError(
+        f"isolation.python in {config.file} is not used below its directory, because it names a program to run",
+        advice=f"write --isolate {shlex.quote(str(config.isolation.python))}, or run the command in "
+        f"{config.file.parent}",
+        code="interpreter-above",
+    )
 
 
 def same_file_above(file: Path) -> Path | None:
@@ -231,7 +296,11 @@ def _read_section(file: Path, section: str, table: object) -> Any:
         name = f"{section}.{key}"
         if name not in known:
             raise _unknown_key(file, name, known)
-        if name in _NUMBERS:
+        if name in _FLAGS:
+            if not isinstance(value, bool):
+                raise _invalid(f"{file}: {name} must be true or false, got {value!r}")
+            values[key] = value
+        elif name in _NUMBERS:
             values[key] = _number(file, name, value)
         else:
             text = _text(file, name, value)
@@ -276,4 +345,4 @@ def _resolve(file: Path, name: str, value: str) -> str:
     )
     if is_name or (file.parent == Path.cwd() and not value.startswith("~")):
         return value
-    return str(file.parent / Path(value).expanduser())
+    return str(file.parent / expanded(value))

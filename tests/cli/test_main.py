@@ -1,5 +1,6 @@
 """The console script: fast start, all verbs, errors in one line."""
 
+import errno
 import importlib
 import os
 import subprocess
@@ -108,6 +109,28 @@ def test_a_known_error_is_one_line_and_its_exit_code(
     answer = vsnbench(monkeypatch, capsys, "run")
     assert answer.code == code
     assert answer.err == f"vsnbench: error: {error}\n"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("cv2.abi3.so: failed to map segment from shared object"),
+    ],
+    ids=repr,
+)
+def test_want_of_memory_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: Exception
+) -> None:
+    def fail(verb: str | None) -> None:
+        raise error
+
+    monkeypatch.setattr(console_script, "build_app", fail)
+    answer = vsnbench(monkeypatch, capsys, "run")
+    assert answer.code == 1
+    assert answer.err.count("\n") == 1
+    assert "not enough memory" in answer.err
 
 
 def test_an_unexpected_error_keeps_its_traceback(

@@ -1,6 +1,7 @@
 """Files are written atomically, and partial files of killed processes are found."""
 
 import os
+import signal
 import stat
 import subprocess
 import sys
@@ -21,6 +22,15 @@ try:
     write_atomic(Path(sys.argv[1]), bytes(5000))
 except RecordError as error:
     print(error)
+"""
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from vsnbench.files.atomic import atomic_file
+with atomic_file(Path(sys.argv[1])) as part:
+    part.write_bytes(b"half")
+    os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
@@ -73,3 +83,15 @@ def test_only_files_of_dead_processes_are_removed(tmp_path: Path) -> None:
     assert left.exists(), "another file's"
     sweep_parts(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([mine.name, "c.rrd"])
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_that_writes_the_file(tmp_path: Path) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "a[1].mp4")], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    assert left.suffix == ".part"
+    other = left.with_name(left.name.replace("a[1]", "a1"))
+    other.write_bytes(b"another file's")
+    with atomic_file(tmp_path / "a[1].mp4") as part:
+        part.write_bytes(b"whole")
+    assert set(tmp_path.iterdir()) == {tmp_path / "a[1].mp4", other}

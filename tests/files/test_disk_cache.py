@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -88,9 +89,9 @@ def test_without_a_home_the_cache_is_a_private_temporary_directory(
 ) -> None:
     (tmp_path / "home").write_text("a file where the directory would be")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(disk_cache.tempfile, "tempdir", str(tmp_path))
-    private = tmp_path / f"vsnbench-cache-{os.getuid()}"
-    assert cache_directory() == private
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    private = tmp_path / f"vsnbench-{os.getuid()}"
+    assert cache_directory() == private / "cache"
     assert private.stat().st_mode & 0o777 == 0o700
     private.chmod(0o777)
     assert cache_directory() == tmp_path / "home" / "vsnbench"

@@ -222,11 +222,24 @@ def test_an_upstream_log_comes_in_unjudged_with_its_pictures(lab: Lab, tmp_path:
         ("1,chair,[],0", "the list of actions is empty"),
         ("1,,[1],1", "the goal is empty"),
         ("", "contains no episode"),
+        (f"1,chair,['Forward'],{'1' * 5000}", "1 actions are listed, but the count is '1111"),
+        ("1,chair,['Forward'],1²", "1 actions are listed, but the count is '1²'"),
+        (f"1,chair,[{'3' * 5000}],1", "action number 3333"),
+        (f'1,"{"a" * 131_073}",[1],1', "field larger than field limit"),
     ],
+    ids=lambda text: text[:30],
 )
 def test_a_broken_upstream_log_names_the_line(tmp_path: Path, line: str, message: str) -> None:
     with pytest.raises(UsageError, match=message.replace("[", r"\[")):
         read_upstream_log(upstream(tmp_path / "log", line + "\n"))
+
+
+def test_pictures_whose_names_are_not_numbers_are_ignored(tmp_path: Path) -> None:
+    log = upstream(tmp_path / "log", "1,chair,[1],1\n", pictures=1)
+    for name in ("²", "1" * 200, "notes"):
+        (log / "rgb" / f"{name}.png").write_bytes(b"")
+    (episode,) = read_upstream_log(log)
+    assert [path.name for path in episode.pictures] == ["0.png"]
 
 
 def test_a_folder_without_a_log_is_refused(tmp_path: Path) -> None:

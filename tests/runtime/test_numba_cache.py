@@ -43,7 +43,7 @@ def run(folder: Path, home: str, temporary: str = "/tmp") -> "subprocess.Complet
 
 def test_without_a_home_every_process_finds_what_the_first_has_compiled(tmp_path: Path) -> None:
     (tmp_path / "__pycache__").write_text("a file where the directory would be")
-    kept = tmp_path / f"vsnbench-cache-{os.getuid()}" / "compiled"
+    kept = tmp_path / f"vsnbench-{os.getuid()}" / "compiled"
     first = run(tmp_path, "/dev/null", str(tmp_path))
     assert (first.stdout, first.stderr) == ("42\n", "")
     found = {file: file.stat().st_mtime_ns for file in kept.rglob("loops.double*.nb?")}
@@ -54,7 +54,7 @@ def test_without_a_home_every_process_finds_what_the_first_has_compiled(tmp_path
 
 def test_without_a_writable_directory_one_warning_is_logged(tmp_path: Path) -> None:
     (tmp_path / "__pycache__").write_text("a file where the directory would be")
-    (tmp_path / f"vsnbench-cache-{os.getuid()}").write_text("another one")
+    (tmp_path / f"vsnbench-{os.getuid()}").write_text("another one")
     done = run(tmp_path, "/dev/null", str(tmp_path))
     assert done.stdout == "42\n", done.stderr
     assert done.stderr.count("every process of a run compiles it again") == 1

@@ -1,5 +1,7 @@
 """The YAML reader returns the model, or an error with line, field and code."""
 
+import os
+import time
 from enum import StrEnum
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vsnbench.errors import SiteError
-from vsnbench.settings.yaml_file import parse_settings, read_settings, settings_faults
+from vsnbench.settings.yaml_file import MOST_FAULTS, parse_settings, read_settings, settings_faults
 
 
 class Tyre(StrEnum):
@@ -146,3 +148,35 @@ def test_all_faults_of_a_file_are_reported_together(tmp_path: Path) -> None:
     assert any(fault.startswith(f"{path}:4: wheels.1.radius_m: ") for fault in faults)
     path.write_text("name: a\n")
     assert settings_faults(path, Cart, SiteError, "cart") == []
+
+
+@pytest.mark.parametrize("text", ["name: [" + "1," * 100_000 + "1]\n", "- \n" * 60_000, "a: \n" * 60_000])
+def test_a_file_with_too_many_values_is_refused_before_it_is_parsed(text: str) -> None:
+    with pytest.raises(SiteError, match="more than 100,000 lines, fields and entries of lists"):
+        parse(text)
+
+
+def test_the_errors_of_many_unknown_fields_are_counted_and_the_first_described(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("name: a\n" + "".join(f"nam{number}: 1\n" for number in range(20_000)))
+    began_s = time.process_time()
+    with pytest.raises(SiteError, match=r"^.*:2: nam0: unknown field: did you mean name\? \(and 19999 more\)$"):
+        read_settings(path, Cart, SiteError, "cart")
+    faults = settings_faults(path, Cart, SiteError, "cart")
+    # Describing each of the errors takes a hundred times as long as reading the file.
+    assert time.process_time() - began_s < 20
+    assert len(faults) == MOST_FAULTS + 1
+    assert str(faults[-1]) == f"{path}: 19,900 more errors"
+
+
+def test_many_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("name: a\nwheels:\n" + "- {radius_m: .nan}\n" * 1000)
+    assert len(settings_faults(path, Cart, SiteError, "cart")) <= MOST_FAULTS + 1
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "cart.yaml")
+    with pytest.raises(SiteError) as refused:
+        read_settings(tmp_path / "cart.yaml", Cart, SiteError, "cart")
+    assert refused.value.code == "unreadable-file"

@@ -99,6 +99,7 @@ def test_an_instruction_has_trials_from_its_starts_only(site: Site) -> None:
         "- {id: a, kind: image, image: /etc/passwd, targets: [sofa-1]}",
         "- {id: a, kind: image, image: large.png, targets: [sofa-1]}",
         "- {id: a, kind: image, image: cut.png, targets: [sofa-1]}",
+        "- {id: a, kind: image, image: loop.png, targets: [sofa-1]}",
         "- {id: a, kind: image, image: {sha256: ''}, targets: [sofa-1]}",
         "- {id: a, kind: text, text: x, targets: [sofa-1]}\n  - {id: a, kind: text, text: y, targets: [sofa-1]}",
     ],
@@ -108,6 +109,7 @@ def test_a_wrong_goal_is_refused_in_one_line(tmp_path: Path, wrong: str) -> None
     image = (tmp_path / "bed.png").read_bytes()
     (tmp_path / "large.png").write_bytes(image + bytes(MAX_IMAGE_BYTES))
     (tmp_path / "cut.png").write_bytes(image[:40])
+    (tmp_path / "loop.png").symlink_to("loop.png")
     with pytest.raises(SiteError) as refused:
         load_site(path)
     assert "\n" not in str(refused.value)

@@ -25,7 +25,7 @@ from vsnbench.bundle.stored_zip import StoredFile, StoredZipWriter
 from vsnbench.bundle.weights import find_weights_by_hash
 from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.files.atomic import atomic_file, sweep_parts
+from vsnbench.files.atomic import atomic_file
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.confined_paths import confined
@@ -91,7 +91,6 @@ def make_bundle(
         raise UsageError(f"{output} already exists", advice="name a new file", code="file-exists")
     if request.key is not None:
         sign(b"", request.key)  # an unusable key is reported before the work
-    sweep_parts(output.parent, output.name)
     with ExitStack() as stack:
         stage = stack.enter_context(ScratchDirectory("bundle")).path
         progress("reading the record", 0, 3)

@@ -1,5 +1,6 @@
 """Finds the files of recorded weights on this machine, by their hash."""
 
+import os
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,4 +47,4 @@ def _candidates(connection: Connection) -> Iterator[Path]:
             words |= dict.fromkeys(word.rpartition("=")[2] for word in shlex.split(command))
         except ValueError:  # a quotation mark that is not closed
             continue
-    yield from (path for word in words if word and (path := Path(word).expanduser()).is_file())
+    yield from (path for word in words if word and (path := Path(os.path.expanduser(word))).is_file())  # noqa: PTH111 - Path raises for ~unknown

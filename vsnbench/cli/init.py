@@ -8,6 +8,7 @@ import typer
 
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.errors import UsageError
+from vsnbench.files.home import expanded
 
 _STARTER = Path(__file__).with_name("starter")
 _FILES = {"vsnbench.toml": "vsnbench.toml", "lab.yaml": "lab.yaml", "gitignore": ".gitignore"}
@@ -28,7 +29,7 @@ def command(
         vsnbench init
         vsnbench init ~/benchmark
     """
-    target = directory.expanduser()
+    target = expanded(directory)
     made, kept = [], []
     try:
         target.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,7 @@
 """Console script: loads the module of a command when it is called, and turns errors into one line and an exit code."""
 
 import atexit
+import errno
 import gc
 import importlib
 import logging
@@ -179,8 +180,8 @@ def _run(loaded: Callable[[], object]) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
-    except Exception:
-        if not (problem := _record_problem()):
+    except Exception as error:
+        if not (problem := _memory_problem(error) or _record_problem()):
             raise
         sys.stderr.write(f"vsnbench: error: {sanitize(problem)}\n")
         sys.exit(VsnbenchError.exit_code)
@@ -252,6 +253,16 @@ def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:
     ]
     if values:
         sys.stderr.write(f"{', '.join(values)} (from {applied[0].source})\n")
+
+
+def _memory_problem(error: BaseException) -> str:
+    """Return what to do about an exception for want of memory, else an empty string."""
+    full = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+    if not full and not (isinstance(error, ImportError) and "failed to map segment" in str(error)):
+        return ""
+    return (
+        "there is not enough memory; close other programs, or raise the limit (`ulimit -v`, the job's or container's)"
+    )
 
 
 def _record_problem() -> str:

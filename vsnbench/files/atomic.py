@@ -6,6 +6,7 @@ file, so that leftovers of killed processes can be removed.
 
 import contextlib
 import fnmatch
+import glob
 import os
 import shutil
 from collections.abc import Iterator
@@ -32,7 +33,8 @@ def _part_name(name: str) -> str:
 def atomic_file(path: Path, error: type[VsnbenchError] = RecordError) -> Iterator[Path]:
     """Yield a temporary path that is renamed to `path` when the block ends without an error.
 
-    Missing directories are created. An existing file at `path` stays until then.
+    Missing directories are created. An existing file at `path` stays until then. What a killed process left under a
+    temporary name of this file is removed.
 
     Raises:
         VsnbenchError: the file cannot be written; nothing is left behind.
@@ -40,6 +42,7 @@ def atomic_file(path: Path, error: type[VsnbenchError] = RecordError) -> Iterato
     part = part_path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        sweep_parts(path.parent, glob.escape(path.name))
         part.unlink(missing_ok=True)
         yield part
         part.replace(path)

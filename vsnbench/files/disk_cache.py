@@ -9,11 +9,9 @@ import hashlib
 import io
 import logging
 import os
-import stat
-import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import IO, Any
@@ -23,6 +21,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.files.temporary import private_temporary_directory
 
 logger = logging.getLogger(__name__)
 
@@ -35,27 +34,13 @@ _MOST_BYTES = 256 * 2**20
 def cache_directory() -> Path:
     """Return this machine's cache directory: `vsnbench` in $XDG_CACHE_HOME or ~/.cache.
 
-    If it is not writable, `private_temporary_directory` replaces it, so that the processes of a run still share
+    If it is not writable, one in `private_temporary_directory` replaces it, so that the processes of a run still share
     results.
     """
     usual = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "vsnbench"
-    return usual if can_write(usual) else private_temporary_directory() or usual
-
-
-def private_temporary_directory() -> Path | None:
-    """Return the user's own temporary directory for caches, the same for every process; None if there is none.
-
-    Its content is trusted, so a directory of this name that belongs to another user is not used.
-    """
-    path = Path(tempfile.gettempdir()) / f"vsnbench-cache-{os.getuid()}"
-    try:
-        with suppress(FileExistsError):
-            path.mkdir(mode=0o700)
-        found = path.lstat()
-    except OSError:
-        return None
-    is_ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
-    return path if is_ours and os.access(path, os.W_OK) else None
+    if can_write(usual) or (private := private_temporary_directory()) is None:
+        return usual
+    return private / "cache"
 
 
 def can_write(directory: Path) -> bool:

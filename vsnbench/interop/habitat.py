@@ -11,6 +11,7 @@ from typing import Any
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.atomic import atomic_file
 from vsnbench.files.bounded_json import parse_json
+from vsnbench.files.regular import open_regular
 from vsnbench.interop.episodes import ExportedEpisode
 from vsnbench.protocol.metrics import soft_spl, spl
 
@@ -64,7 +65,8 @@ def read_habitat(path: Path) -> tuple[HabitatEpisode, ...]:
         RecordError: the file cannot be read.
     """
     try:
-        content = parse_json(path.read_text(encoding="utf-8"))
+        with open_regular(path) as file:
+            content = parse_json(file.read())
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror or error}") from error
     except (ValueError, RecursionError) as error:

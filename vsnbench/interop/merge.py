@@ -14,6 +14,7 @@ from zipfile import is_zipfile
 from sqlalchemy import Connection
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.interop.merge_files import FilePlan, Progress, SourceRecord, plan_files, repair_file
 from vsnbench.results.database_url import parse_url, redacted_url, sqlite_path, sqlite_url
@@ -92,7 +93,7 @@ def merge_source(given: str, images: Sequence[Path] = ()) -> MergeSource:
         if file is None:
             return MergeSource(redacted_url(given), given, None, tuple(images))
         return MergeSource(redacted_url(given), given, file.parent)
-    path = Path(given).expanduser()
+    path = expanded(given)
     file = path / DATABASE_NAME if path.is_dir() else path
     if not file.is_file():
         raise RecordError(f"no record at {file}", advice="name a results directory with its database and episodes")

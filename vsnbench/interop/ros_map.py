@@ -1,6 +1,9 @@
-"""Reads and writes ROS maps: `map.yaml` with a PGM or PNG, as in map_server."""
+"""Reads and writes ROS maps: `map.yaml` with a PGM, PNG, BMP or JPEG, as in map_server."""
 
 import math
+import re
+import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,12 +13,18 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.files.regular import open_regular
 from vsnbench.settings.yaml_file import parse_settings
 from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, UNKNOWN, PlanGrid
+from vsnbench.values.encoding.images import picture_size
 from vsnbench.values.pose import Pose
 
 LARGEST_PIXELS = 40_000_000
 LARGEST_BYTES = 64 * 1024 * 1024
+_ROWS_AT_ONCE = 256
+"""Rows that are converted together: floating-point copies of a whole image would take gigabytes."""
+_BLANK = rb"(?:\s|#[^\n]*\n)+"
+_NETPBM = re.compile(rb"P[1-6]" + _BLANK + rb"(\d{1,9})" + _BLANK + rb"(\d{1,9})\s")
 
 
 class RosMap(BaseModel):
@@ -59,6 +68,15 @@ def grid_of(described: RosMap, image: bytes, origin: str) -> PlanGrid:
         UsageError: the image cannot be read.
     """
     pixels = decoded(image, origin)
+    cells = np.empty(pixels.shape[:2], np.uint8)
+    for top in range(0, len(cells), _ROWS_AT_ONCE):
+        rows = slice(top, top + _ROWS_AT_ONCE)
+        cells[rows] = _cells_of(described, pixels[rows])
+    x_m, y_m, yaw_rad = described.origin
+    return PlanGrid(np.ascontiguousarray(np.flipud(cells)), described.resolution, Pose(x_m, y_m, yaw_rad))
+
+
+def _cells_of(described: RosMap, pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     colours = pixels[..., :3] if pixels.ndim == 3 else pixels[..., None]
     grey = colours.astype(np.float64).mean(axis=2)
     occupied = grey / 255 if described.negate else (255 - grey) / 255
@@ -71,29 +89,49 @@ def grid_of(described: RosMap, image: bytes, origin: str) -> PlanGrid:
         cells[grey > 100] = UNKNOWN
     if pixels.ndim == 3 and pixels.shape[2] == 4 and described.mode == "scale":
         cells[pixels[..., 3] < 255] = UNKNOWN
-    x_m, y_m, yaw_rad = described.origin
-    return PlanGrid(np.ascontiguousarray(np.flipud(cells)), described.resolution, Pose(x_m, y_m, yaw_rad))
+    return cells
 
 
 def decoded(image: bytes, origin: str) -> npt.NDArray[np.uint8]:
     """Return an image's pixels, (H, W) or (H, W, 3 or 4), top row first.
+
+    The size in the header is checked before decoding, because a small file can have billions of pixels.
 
     Raises:
         UsageError: the image cannot be read or is too large.
     """
     import cv2
 
-    try:
-        pixels: Any = cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        pixels = None
-    if pixels is None or pixels.size == 0:
-        raise UsageError(f"{origin} is not a readable image", advice="use PGM, PNG or JPEG")
-    if pixels.shape[0] * pixels.shape[1] > LARGEST_PIXELS:
-        raise UsageError(f"{origin} has {pixels.shape[1]} x {pixels.shape[0]} pixels", advice="reduce its size")
-    if pixels.dtype != np.uint8:
-        pixels = (pixels.astype(np.float64) * (255 / np.iinfo(pixels.dtype).max)).astype(np.uint8)
+    size = picture_size(image) or _plain_size(image)
+    if size is not None and size[0] * size[1] > LARGEST_PIXELS:
+        raise UsageError(
+            f"{origin} has {size[0]} x {size[1]} pixels; the limit is {LARGEST_PIXELS:,} in total",
+            advice="crop the map, or save it with larger cells",
+            code="too-many-pixels",
+        )
+    pixels: Any = None
+    if size is not None:
+        with suppress(cv2.error):
+            pixels = cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None or pixels.size == 0 or pixels.dtype not in (np.uint8, np.uint16):
+        raise UsageError(
+            f"{origin} is not a readable image", advice="use PGM, PNG, BMP or JPEG", code="unreadable-image"
+        )
+    if pixels.dtype == np.uint16:
+        np.floor_divide(pixels, 257, out=pixels)  # 65535 becomes 255
     return np.asarray(pixels, np.uint8)
+
+
+def _plain_size(image: bytes) -> tuple[int, int] | None:
+    """Return width and height in pixels from the header of a PGM, PPM, PBM or BMP; None for other content."""
+    if (match := _NETPBM.match(image)) is not None:
+        return int(match[1]), int(match[2])
+    if not image.startswith(b"BM") or len(image) < 26:
+        return None
+    if int.from_bytes(image[14:18], "little") == 12:
+        return int.from_bytes(image[18:20], "little"), int.from_bytes(image[20:22], "little")
+    width, height = struct.unpack_from("<ii", image, 18)
+    return abs(width), abs(height)  # a negative height means that the top row is first
 
 
 def write_ros_map(grid: PlanGrid, path: Path) -> tuple[Path, Path]:
@@ -122,7 +160,7 @@ def bytes_of(path: Path) -> bytes:
         UsageError: the file cannot be read or is too large.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(LARGEST_BYTES + 1)
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error

@@ -1,12 +1,14 @@
 """Reads log folders of upstream ROS4VSN: `datos.csv` with one line per episode, and images `rgb/N.png`."""
 
 import csv
+import io
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.files.regular import open_regular
 from vsnbench.values.action import Action
 
 _WORDS: dict[str, tuple[Action, str]] = {
@@ -58,11 +60,14 @@ def read_upstream_log(directory: Path) -> tuple[LoggedEpisode, ...]:
     if not file.is_file():
         raise UsageError(f"{directory} has no datos.csv", advice="name the folder with the log of upstream's client")
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        with io.TextIOWrapper(open_regular(file), encoding="utf-8-sig") as opened:
+            lines = list(csv.reader(opened.read().splitlines(), skipinitialspace=True))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordError(f"cannot read {file}: {error}") from error
+    except csv.Error as error:
+        raise UsageError(f"{file}: {error}", code="invalid-log") from error
     rows = []
-    for number, row in enumerate(csv.reader(lines, skipinitialspace=True), start=1):
+    for number, row in enumerate(lines, start=1):
         if not row or not any(field.strip() for field in row):
             continue
         if len(row) < 4:
@@ -92,28 +97,33 @@ def _episode(where: str, row: list[str]) -> tuple[str, str, tuple[LoggedAction, 
         raise UsageError(f"{where}: the goal is empty")
     if not actions:
         raise UsageError(f"{where}: the list of actions is empty")
-    if not count.isdigit() or int(count) != len(actions):
-        raise UsageError(f"{where}: {len(actions)} actions are listed, but the count is {count!r}")
+    if not _is_number(count) or int(count) != len(actions):
+        raise UsageError(f"{where}: {len(actions)} actions are listed, but the count is {count[:20]!r}")
     return time, goal, actions
 
 
 def _action(where: str, word: str) -> LoggedAction:
-    if word.isdigit():
-        if int(word) >= len(_NUMBERS):
-            raise UsageError(f"{where}: action number {word} is unknown")
+    if word.isdecimal():
+        if not _is_number(word) or int(word) >= len(_NUMBERS):
+            raise UsageError(f"{where}: action number {word[:20]} is unknown")
         key = _NUMBERS[int(word)]
     else:
         key = word.lower().removeprefix("move_").removeprefix("turn_").removeprefix("look_")
     if key not in _WORDS:
-        raise UsageError(f"{where}: unknown action {word!r}; known are {', '.join(_WORDS)} and 0 to 5")
+        raise UsageError(f"{where}: unknown action {word[:20]!r}; known are {', '.join(_WORDS)} and 0 to 5")
     action, raw = _WORDS[key]
     return LoggedAction(action, raw)
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a text is an integer of a length that `int` reads; `isdigit` accepts superscripts as well."""
+    return text.isdecimal() and len(text) < 19
 
 
 def _pictures(directory: Path) -> list[Path]:
     if not directory.is_dir():
         return []
-    numbered = [(int(path.stem), path) for path in directory.glob("*.png") if path.stem.isdigit()]
+    numbered = [(int(path.stem), path) for path in directory.glob("*.png") if _is_number(path.stem)]
     return [path for _, path in sorted(numbered)]
 
 

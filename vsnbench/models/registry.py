@@ -12,6 +12,7 @@ from vsnbench.models.names import class_of, is_address, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.plugins import import_factory, unknown_name
+from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.action import can_replace
 from vsnbench.values.goal import GoalKind
@@ -42,7 +43,7 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
         from vsnbench.models.remote.isolation import IsolatedPolicy
 
         return IsolatedPolicy(name, options, isolation)
-    with process_exit_refused():
+    with process_exit_refused(), floating_point_restored():
         return _created(name, options)
 
 

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from vsnbench.errors import UsageError
+from vsnbench.files.home import expanded
 
 _TEMPLATES = Path(__file__).with_name("starter")
 _FILES = {
@@ -29,7 +30,7 @@ def write_model_package(directory: Path) -> tuple[str, list[Path]]:
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    name = directory.expanduser().resolve().name
+    name = expanded(directory).resolve().name
     parts = [part for part in re.split(r"[^A-Za-z0-9]+", name) if part]
     package = "_".join(parts).lower()
     if not package.isidentifier() or keyword.iskeyword(package) or not package.isascii():
@@ -38,7 +39,7 @@ def write_model_package(directory: Path) -> tuple[str, list[Path]]:
             advice="start with a letter: vsnbench models new mymodel",
             code="invalid-model-name",
         )
-    target = directory.expanduser()
+    target = expanded(directory)
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise UsageError(f"{target} exists and is not empty", advice="name a new directory", code="not-empty")

@@ -19,7 +19,19 @@ _PARAMETER = re.compile(r"(?P<before>[?&][\w-]*(?:password|passwd|secret|token)=
 
 
 def sqlite_url(path: Path) -> str:
-    """Return the URL of an SQLite file."""
+    """Return the URL of an SQLite file.
+
+    Raises:
+        UsageError: the path is not valid UTF-8, which SQLite needs.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise UsageError(
+            f"the path {path} is not valid UTF-8, which SQLite needs",
+            advice="rename the directory, or name another one",
+            code="path-not-utf8",
+        ) from error
     return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
 
 

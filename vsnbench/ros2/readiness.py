@@ -88,6 +88,6 @@ class Readiness(readiness.Readiness):
         place, _, own = self.node.full_name.rpartition("/vsnbench_")
         for name in self.graph.nodes():
             other_place, _, number = name.rpartition("/vsnbench_")
-            if other_place == place and number.isdigit() and int(number) < int(own):
+            if other_place == place and number.isdecimal() and int(number) < int(own):
                 return name
         return ""

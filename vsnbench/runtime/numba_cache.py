@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numba
 
-from vsnbench.files.disk_cache import private_temporary_directory
+from vsnbench.files.temporary import private_temporary_directory
 
 logger = logging.getLogger(__name__)
 F = TypeVar("F", bound=Callable[..., object])

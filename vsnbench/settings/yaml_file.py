@@ -1,10 +1,12 @@
 """Reads YAML files into pydantic models, with errors that name the line and the field, and with size limits."""
 
+import io
 import math
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +18,7 @@ from ruamel.yaml.reader import ReaderError
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.files.bounded_json import LONGEST_INTEGER
+from vsnbench.files.regular import open_regular
 from vsnbench.settings.field_errors import describe_errors
 from vsnbench.settings.number_errors import FieldError, as_written
 
@@ -25,6 +28,11 @@ MAX_CHARACTERS = 2_000_000
 """Maximum length of a file; a site of a thousand objects has a twentieth of it."""
 MAX_VALUES = 250_000
 """Maximum number of values after expansion of aliases and merge keys (`<<`)."""
+MAX_SEPARATORS = 100_000
+"""Maximum number of line ends, colons, commas and hyphens. The parser takes 5 s for them; a site of a thousand objects
+has a fifth."""
+MOST_FAULTS = 100
+"""Faults that are described; each costs time in proportion to the length of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +60,11 @@ class SettingsFault:
 
 
 class _InvalidFileError(Exception):
-    def __init__(self, *faults: SettingsFault) -> None:
+    def __init__(self, *faults: SettingsFault, number: int = 0) -> None:
         super().__init__(str(faults[0]))
-        self.faults = faults
+        self.faults = faults[:MOST_FAULTS]
+        self.more = max(number, len(faults)) - len(self.faults)
+        """Number of further faults."""
 
 
 def read_settings(path: Path, model: type[Settings], error: type[VsnbenchError], what: str) -> Settings:
@@ -86,8 +96,9 @@ def parse_settings(
     try:
         return _parse(text, origin, model, what, {DIRECTORY: directory})
     except _InvalidFileError as invalid:
-        first, *others = invalid.faults
-        more = f" (and {len(others)} more)" if others else ""
+        first = invalid.faults[0]
+        others = len(invalid.faults) - 1 + invalid.more
+        more = f" (and {others} more)" if others else ""
         raise error(f"{first}{more}", code=first.code) from invalid
 
 
@@ -98,7 +109,7 @@ DIRECTORY = "directory"
 
 
 def settings_faults(path: Path, model: type[BaseModel], error: type[VsnbenchError], what: str) -> list[SettingsFault]:
-    """Return all faults of a file.
+    """Return the first faults of a file, and their number if there are more than MOST_FAULTS.
 
     Raises:
         VsnbenchError: the file cannot be read; of the class `error`.
@@ -124,17 +135,18 @@ def parse_plain(text: str, origin: str, error: type[VsnbenchError], what: str) -
 def text_faults(
     text: str, origin: str, model: type[BaseModel], what: str, directory: Path | None = None
 ) -> list[SettingsFault]:
-    """Return all faults of a text; see `parse_settings`."""
+    """Return the first faults of a text, and their number if there are more than MOST_FAULTS; see `parse_settings`."""
     try:
         _parse(text, origin, model, what, {CHECKING: True, DIRECTORY: directory})
     except _InvalidFileError as invalid:
-        return list(invalid.faults)
+        rest = [SettingsFault(origin, f"{invalid.more:,} more errors", code=invalid.faults[0].code)]
+        return [*invalid.faults, *(rest if invalid.more else [])]
     return []
 
 
 def _text_of(path: Path, error: type[VsnbenchError], what: str) -> str:
     try:
-        with path.open(encoding="utf-8") as file:
+        with io.TextIOWrapper(open_regular(path), encoding="utf-8") as file:
             return file.read(MAX_CHARACTERS + 1)
     except OSError as problem:
         reason = problem.strerror or problem
@@ -157,19 +169,22 @@ def _parse(text: str, origin: str, model: type[Settings], what: str, context: di
         faults.append(SettingsFault(where, error.statement, error.advice, line, path, error.code))
 
     settings: Settings | None = None
+    number = 0
     try:
         settings = model.model_validate(content, context=context)
     except ValidationError as problem:
         # A misspelt field is also reported as missing under its right name; the misspelling is the useful error.
-        for detail in sorted(problem.errors(), key=lambda detail: detail["type"] != "extra_forbidden"):
+        details = sorted(problem.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
+        number = len(details)
+        for detail in details[:MOST_FAULTS]:
             for place, described in describe_errors(detail, model):
                 add(_written_path(tree, place), described)
     known = {fault.path for fault in faults}
-    for path, number in _non_finite_numbers(content, ()):
+    for path, value in islice(_non_finite_numbers(content, ()), MOST_FAULTS):
         if path not in known:
-            add(path, FieldError(f"expected a finite number, got {as_written(number)}"))
+            add(path, FieldError(f"expected a finite number, got {as_written(value)}"))
     if faults or settings is None:
-        raise _InvalidFileError(*faults)
+        raise _InvalidFileError(*faults, number=number)
     return settings
 
 
@@ -218,6 +233,8 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
 
     if len(text) > MAX_CHARACTERS:
         raise invalid(f"longer than {MAX_CHARACTERS:,} characters")
+    if sum(map(text.count, "\n:,-")) > MAX_SEPARATORS:
+        raise invalid(f"more than {MAX_SEPARATORS:,} lines, fields and entries of lists")
     yaml = YAML(typ="safe", pure=True)
     try:
         tree = yaml.compose(text)

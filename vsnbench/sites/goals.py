@@ -98,6 +98,8 @@ def load_goal_image(directory: Path, name: str) -> GoalImage:
             data = file.read(MAX_IMAGE_BYTES + 1)
     except OSError as problem:
         raise ValueError(f"cannot read {name}: {problem.strerror or problem}") from problem
+    except RuntimeError as problem:
+        raise ValueError(f"cannot read {name}: it is a link to itself") from problem
     return goal_image(name, data)
 
 

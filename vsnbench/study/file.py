@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from vsnbench.errors import StudyError
+from vsnbench.files.regular import open_regular
 from vsnbench.protocol.named import NAMED
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.settings.yaml_file import parse_settings
@@ -218,7 +219,8 @@ def read_text(path: Path) -> str:
         StudyError: the file cannot be read or is not text.
     """
     try:
-        content = path.read_bytes()
+        with open_regular(path) as file:
+            content = file.read(MAX_BYTES + 1)
     except OSError as problem:
         hint = ": `vsnbench study new` writes one" if isinstance(problem, FileNotFoundError) else ""
         raise StudyError(f"cannot read study file {path}: {problem.strerror or problem}{hint}") from problem

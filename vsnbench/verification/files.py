@@ -15,6 +15,7 @@ from vsnbench.results.files.image_set import expected_images, image_faults
 from vsnbench.results.files.images import StampedPose, trajectory_text
 from vsnbench.results.merging.episodes import step_digests
 from vsnbench.results.schema.row_encoding import pose_of_columns
+from vsnbench.results.writing.deletion import unfinished_directories
 from vsnbench.results.writing.lifecycle import ENDED
 from vsnbench.verification.checks import Check, Finding, Progress, finding
 from vsnbench.verification.record import VerifiedRecord
@@ -114,10 +115,15 @@ def _check_others(results: Path, known: set[str], check: Check) -> None:
             for entry in entries:
                 if entry.name not in (*_OWN, _EPISODES):
                     check.skip(f"{entry.name} in the results directory: no row describes it")
+        unfinished = unfinished_directories(results)
         with os.scandir(results / _EPISODES) as entries:
-            for entry in entries:
-                if f"{_EPISODES}/{entry.name}" not in known:
-                    check.fail(f"{_EPISODES}/{entry.name}", "no episode of the record has it")
+            for name in (f"{_EPISODES}/{entry.name}" for entry in entries):
+                if name in unfinished:
+                    check.fail(
+                        name, "an interrupted `vsnbench db delete` left it; repeat that command, which finishes it"
+                    )
+                elif name not in known:
+                    check.fail(name, "no episode of the record has it")
     except FileNotFoundError:
         return
     except OSError as error:

@@ -20,6 +20,7 @@ from tests.processes import has_ended, wait_until
 from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.registry import create_policy
+from vsnbench.models.remote import connection
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.serving import ServedPolicy
@@ -249,6 +250,32 @@ def test_what_an_isolated_model_has_started_ends_with_it(hostile: IsolatedPolicy
     assert not has_ended(left)
     hostile.close()
     wait_until(lambda: has_ended(left), "the model's own process ends")
+
+
+def test_an_isolated_model_starts_with_a_token_in_the_environment_and_does_not_receive_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hostile.py").write_text(
+        HOSTILE + "\n    def token(self):\n        return os.environ.get('VSNBENCH_TOKEN', 'none')\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("VSNBENCH_TOKEN", "of the lab")
+    policy = IsolatedPolicy("hostile:Model", {}, Isolation(Path(sys.executable)))
+    try:
+        policy.reset("token", 1)
+        assert policy.act(look()).raw_action == "none"
+    finally:
+        policy.close()
+
+
+def test_a_card_that_is_refused_is_not_blamed_on_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "old.py").write_text(HOSTILE.replace('"name"', '"goal_kinds": ["image"], "name"'))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(connection, "WIRE_VERSION", 1)
+    with pytest.raises(ModelError) as refused:
+        IsolatedPolicy("old:Model", {}, Isolation(Path(sys.executable)))
+    assert refused.value.code == "refused"
+    assert "pip" not in refused.value.advice
 
 
 def test_an_interpreter_that_does_not_exist_is_refused() -> None:

@@ -1,5 +1,14 @@
+"""Deletion of episodes and campaigns: complete, also after a kill at any time, and limited to what is theirs."""
+
+import errno
 import json
+import os
+import signal
 import sqlite3
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -7,7 +16,10 @@ import pytest
 from tests.cli.test_record_verbs import vsnbench
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
+from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.deletion import delete_for_good
 from vsnbench.results.writing.journal import Journal
 
 COUNTED = ("campaign", "trial", "episode", "step", "verdict", "placement")
@@ -100,12 +112,188 @@ def test_a_locked_study_keeps_its_data(tmp_path: Path) -> None:
     assert rows(tmp_path)["episode"] == 2
 
 
-def test_a_link_in_the_place_of_images_is_not_followed(results: Path, tmp_path: Path) -> None:
+def test_a_link_in_the_place_of_images_is_moved_and_not_followed(results: Path, tmp_path: Path) -> None:
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "kept").write_text("kept")
     moved = results / "episodes" / "000001"
     moved.rename(tmp_path / "elsewhere")
     moved.symlink_to(outside)
-    vsnbench(results, "db", "delete", "--episode", "1", "--reason", "why", "--yes")
+    done = vsnbench(results, "db", "delete", "--episode", "1", "--reason", "why", "--yes", "--json")
     assert (outside / "kept").read_text() == "kept"
+    assert not moved.is_symlink()
+    assert (Path(json.loads(done.stdout)["backup"]) / "episodes" / "000001").readlink() == outside
+
+
+@pytest.mark.parametrize("named", ["episodes", "episodes/000002", ".", "episodes/000001/rgb", "../outside"])
+def test_an_episode_that_names_other_files_than_its_own_is_not_deleted(results: Path, named: str) -> None:
+    with sqlite3.connect(results / "vsnbench.db") as database:
+        database.execute("UPDATE episode SET images_directory = ? WHERE id = 1", (named,))
+    before, files = rows(results), sorted((results / "episodes").rglob("*"))
+    done = vsnbench(results, "db", "delete", "--episode", "1", "--reason", "why", "--yes")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
+    assert "nothing was deleted" in done.stderr
+    assert rows(results) == before
+    assert sorted((results / "episodes").rglob("*")) == files
+
+
+KILLED = """
+import os, shutil, signal, sys
+from pathlib import Path
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing import deletion
+
+results, module, name, call, when = Path(sys.argv[1]), *sys.argv[2:]
+owner = {"deletion": deletion, "shutil": shutil, "Path": Path}[module]
+original, calls = getattr(owner, name), 0
+
+def killing(*args, **kwargs):
+    global calls
+    calls += 1
+    is_this_call = calls == int(call)
+    if is_this_call and when == "before":
+        os.kill(os.getpid(), signal.SIGKILL)
+    result = original(*args, **kwargs)
+    if is_this_call:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return result
+
+setattr(owner, name, killing)
+deletion.delete_for_good(ResultsDirectory.locate(results), [1, 2], [], author="ada", reason="a face")
+"""
+DELETE = ("db", "delete", "--episode", "1,2", "--reason", "a face", "--yes", "--json")
+
+
+@pytest.fixture(params=["this disk", "another disk"])
+def on_a_disk(request: pytest.FixtureRequest, results: Path) -> Iterator[bool]:
+    """Return whether deleted files go to another disk."""
+    if request.param == "this disk":
+        yield False
+        return
+    shared_memory = Path("/dev/shm")
+    if not shared_memory.is_dir() or shared_memory.stat().st_dev == results.stat().st_dev:
+        pytest.skip("no second disk")
+    with tempfile.TemporaryDirectory(dir=shared_memory) as directory:
+        (results / "deleted").symlink_to(directory)
+        yield True
+
+
+def kill_during_deletion(results: Path, *point: str) -> None:
+    words = [sys.executable, "-c", KILLED, str(results), *point]
+    killed = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+
+
+def assert_deleted(results: Path, aside: Path, before: dict[str, int]) -> None:
+    assert rows(results)["episode"] == before["episode"] - 2
+    assert [path.name for path in (results / "episodes").iterdir()] == ["000003"]
+    assert {path.name for path in aside.iterdir()} == {"vsnbench.db", "episodes"}
+    for name in ("000001", "000002"):
+        assert (aside / "episodes" / name / "rgb" / "0001.jpg").read_bytes() == b"jpeg"
+    assert len(list((aside / "episodes").iterdir())) == 2
+    assert rows(results, aside / "vsnbench.db") == before
+
+
+@pytest.mark.parametrize(
+    ("point", "rows_are_gone"),
+    [
+        (("deletion", "_list_unfinished", "1", "after"), False),
+        (("deletion", "backup", "1", "after"), False),
+        (("deletion", "_delete", "1", "after"), False),
+        (("deletion", "_move_files", "1", "before"), True),
+        (("Path", "rename", "1", "before"), True),
+        (("Path", "rename", "1", "after"), True),
+        (("Path", "rename", "2", "before"), True),
+        (("deletion", "_move", "2", "after"), True),
+    ],
+    ids=lambda value: "-".join(value[1:]) if isinstance(value, tuple) else "",
+)
+def test_a_deletion_that_was_killed_is_finished_by_repeating_it(
+    results: Path, point: tuple[str, ...], rows_are_gone: bool
+) -> None:
+    before = rows(results)
+    kill_during_deletion(results, *point)
+    assert rows(results)["episode"] == before["episode"] - 2 * rows_are_gone
+    done = vsnbench(results, *DELETE)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["episodes"] == [1, 2]
+    assert_deleted(results, Path(answer["backup"]), before)
+    assert len(list((results / "deleted").iterdir())) == 1
+    assert len(events(results)) == 2
+
+
+@pytest.mark.parametrize(
+    "point",
+    [("shutil", "copytree", "1", "after"), ("shutil", "copytree", "2", "before"), ("shutil", "rmtree", "1", "before")],
+    ids="-".join,
+)
+@pytest.mark.parametrize("on_a_disk", ["another disk"], indirect=True)
+def test_a_deletion_to_another_disk_that_was_killed_is_finished(
+    results: Path, on_a_disk: bool, point: tuple[str, ...]
+) -> None:
+    before = rows(results)
+    kill_during_deletion(results, *point)
+    assert vsnbench(results, "episodes", "list").returncode == 0
+    (aside,) = (results / "deleted").iterdir()
+    assert_deleted(results, aside, before)
+
+
+def test_deleted_files_can_go_to_another_disk(results: Path, on_a_disk: bool) -> None:
+    before = rows(results)
+    done = vsnbench(results, *DELETE)
+    assert done.returncode == 0, done.stderr
+    assert_deleted(results, Path(json.loads(done.stdout)["backup"]), before)
+
+
+def test_verify_names_an_interrupted_deletion_and_leaves_it(results: Path) -> None:
+    kill_during_deletion(results, "deletion", "_move_files", "1", "before")
+    checked = vsnbench(results, "verify", str(results), "--json")
+    findings = [found for check in json.loads(checked.stdout)["checks"] for found in check["findings"]]
+    assert sorted(found["where"] for found in findings if "db delete" in found["text"]) == [
+        "episodes/000001",
+        "episodes/000002",
+    ]
+    assert (results / "episodes" / "000001").is_dir()
+
+
+def test_files_that_cannot_be_moved_are_moved_by_the_next_command(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = rows(results)
+
+    def full(self: Path, _target: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
+
+    monkeypatch.setattr(Path, "rename", full)
+    with pytest.raises(RecordError) as refused:
+        delete_for_good(ResultsDirectory.locate(results), [1, 2], [], author="ada", reason="a face")
+    assert refused.value.code == "unfinished-deletion"
+    assert rows(results)["episode"] == before["episode"] - 2
+    monkeypatch.undo()
+    assert vsnbench(results, "episodes", "list").returncode == 0
+    (aside,) = (results / "deleted").iterdir()
+    assert_deleted(results, aside, before)
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [
+        {"images_directories": ["episodes"]},
+        {"images_directories": ["episodes/000002"]},
+        {"images_directories": ["../outside"]},
+        {"episodes": [3], "images_directories": ["episodes/000003"]},
+        {"uuids": [["x"]]},
+        {"more": []},
+        [],
+    ],
+    ids=str,
+)
+def test_a_list_of_unknown_origin_moves_nothing_that_a_row_names(results: Path, listed: object) -> None:
+    aside = results / "deleted" / "2026-01-01T00-00-00"
+    aside.mkdir(parents=True)
+    whole = {"episodes": [1], "campaigns": [], "uuids": ["a"], "images_directories": ["episodes/000001"]}
+    (aside / "unfinished.json").write_text(json.dumps(whole | listed if isinstance(listed, dict) else listed))
+    files = sorted((results / "episodes").rglob("*"))
+    assert vsnbench(results, "episodes", "list").returncode == 0
+    assert sorted((results / "episodes").rglob("*")) == files

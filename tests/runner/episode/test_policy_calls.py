@@ -1,7 +1,9 @@
 """Every failure of a policy is recorded as the model's error in one line; requests to stop are not."""
 
 import contextlib
+import ctypes
 import os
+import platform
 import signal
 import threading
 from collections.abc import Callable
@@ -13,7 +15,7 @@ import pytest
 
 from tests.runner.episode.test_episode import MemoryRecorder
 from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
-from vsnbench.errors import EpisodeClosedError, ModelLostError, RecordError
+from vsnbench.errors import EpisodeClosedError, ModelError, ModelLostError, RecordError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.models.task import task_of
@@ -26,6 +28,8 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.observation import Observation, Sensor
 
+UPWARD = {"x86_64": 0x800, "aarch64": 0x400000}[platform.machine()]
+"""FE_UPWARD of C's fenv.h."""
 NEVER = StandInRobot().observe()
 
 
@@ -133,6 +137,33 @@ def test_a_lost_model_leaves_one_bounded_printable_line(loss: ModelLostError, be
     assert outcome.error.startswith(begin)
     assert len(outcome.error) <= LONGEST_LINE
     assert outcome.error.isprintable()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_policy_does_not_change_how_later_results_are_rounded(fails: bool) -> None:
+    mathematics = ctypes.CDLL(None)
+    usual = mathematics.fegetround()
+    modes = []
+
+    def answer(_: Observation) -> Action:
+        assert mathematics.fesetround(UPWARD) == 0
+        modes.append(mathematics.fegetround())
+        if fails:
+            raise RuntimeError("no")
+        return Action.STOP
+
+    run(Answering(answer), StandInRobot(), MemoryRecorder())
+    assert modes == [UPWARD]
+    assert mathematics.fegetround() == usual
+
+
+def test_a_stated_failure_is_logged_with_the_models_frames_and_not_ours(caplog: pytest.LogCaptureFixture) -> None:
+    failure = ModelError("sent an invalid message")
+    failure.add_note("In the model's own process:\nnet.py, line 7")
+    run(Answering(fail_with(failure)), StandInRobot(), MemoryRecorder())
+    assert [record.getMessage() for record in caplog.records if record.levelname == "ERROR"] == [
+        "model answering failed in act: sent an invalid message\nIn the model's own process:\nnet.py, line 7"
+    ]
 
 
 def test_an_exit_in_reset_is_a_model_error() -> None:

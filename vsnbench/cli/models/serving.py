@@ -10,6 +10,7 @@ import typer
 from vsnbench.cli.support.options import options_under
 from vsnbench.cli.support.output import print_json, without_prints_of_models
 from vsnbench.errors import UsageError
+from vsnbench.files.home import expanded
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _write_stub(directory: Path) -> None:
     from vsnbench.models.remote import vsnbench_policy
 
     source = Path(vsnbench_policy.__file__)
-    target = directory.expanduser() / source.name
+    target = expanded(directory) / source.name
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(source.read_bytes())

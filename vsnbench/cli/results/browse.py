@@ -1,6 +1,5 @@
 """`vsnbench browse`: look at a results directory in a browser."""
 
-import threading
 from contextlib import closing
 from typing import Annotated
 
@@ -23,17 +22,21 @@ def command(
         vsnbench browse
         vsnbench browse --results /data/monday --port 0
     """
+    from vsnbench.runtime.signals import EndAsked
     from vsnbench.web.results_browser.app import BrowserApp
     from vsnbench.web_server.server import WebServer
     from vsnbench.web_server.session_key import SessionKey
 
-    with open_results(results, db) as (place, engine), closing(BrowserApp(place, engine)) as app:
+    end_asked = EndAsked()
+    with (
+        end_asked.listening(),
+        open_results(results, db) as (place, engine),
+        closing(BrowserApp(place, engine)) as app,
+    ):
         key = SessionKey.stored(f"browse {place.path.resolve()} {port}")
         app.prepare()
         with WebServer(app.routes(), key, port=port) as server:
             typer.echo(server.addresses[0])
             typer.echo("serving the results to this machine; Ctrl-C to stop", err=True)
-            try:
-                threading.Event().wait()
-            except KeyboardInterrupt:
-                typer.echo("", err=True)
+            end_asked.wait()
+            typer.echo("", err=True)

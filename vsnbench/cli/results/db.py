@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
+
+if TYPE_CHECKING:
+    from vsnbench.results.writing.deletion import Deletion
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -263,13 +266,14 @@ def delete_(
     """Delete episodes or campaigns for good. `vsnbench judge N --void WHY` keeps them and is usually better.
 
     A backup of the database and the episodes' images go to `deleted/` in the results directory; remove that directory
-    to free the space. Data of a locked study cannot be deleted.
+    to free the space. Data of a locked study cannot be deleted. If it is interrupted, repeat it; the next run
+    finishes it as well.
     The trials of deleted episodes run again with the next `vsnbench run`.
 
     Example: [bold]vsnbench db delete --episode 3,7-9 --reason "a visitor is recognisable"[/bold]
     """
     from vsnbench.results.schema.engine import reading, transaction
-    from vsnbench.results.writing.deletion import delete_for_good, plan_deletion
+    from vsnbench.results.writing.deletion import delete_for_good, finish_deletions, plan_deletion
     from vsnbench.results.writing.provenance import gather_provenance
 
     episodes = split_numbers(episode, "--episode", "3,7-9")
@@ -278,13 +282,26 @@ def delete_(
         raise UsageError("nothing to delete", advice="give --episode or --campaign", code="no-episode")
     if not reason.strip():
         raise UsageError("no reason given", advice='add --reason "..."; it stays in the record', code="no-reason")
+    for plan, aside in finish_deletions(results_directory(results, db)):
+        episodes = tuple(number for number in episodes if number not in plan.episodes)
+        campaigns = tuple(number for number in campaigns if number not in plan.campaigns)
+        if not episodes and not campaigns:
+            _print_deletion(plan, aside, as_json=as_json)
+            return
     with open_results(results, db) as (place, engine), transaction(reading(engine)) as connection:
         plan = plan_deletion(connection, episodes, campaigns)
-    what = counted(len(plan.episodes), "episode")
-    if plan.campaigns:
-        what += f" and {counted(len(plan.campaigns), 'campaign')}"
+    what = _content(plan)
     if not yes:
         confirm(f"{what} would be deleted", f"Delete {what} for good?", "nothing was deleted")
     plan, aside = delete_for_good(place, episodes, campaigns, author=gather_provenance().operator, reason=reason)
+    _print_deletion(plan, aside, as_json=as_json)
+
+
+def _content(plan: "Deletion") -> str:
+    what = counted(len(plan.episodes), "episode")
+    return f"{what} and {counted(len(plan.campaigns), 'campaign')}" if plan.campaigns else what
+
+
+def _print_deletion(plan: "Deletion", aside: Path, *, as_json: bool) -> None:
     fields = {"episodes": plan.episodes, "campaigns": plan.campaigns, "backup": str(aside)}
-    print_result(fields, f"deleted {what}; backup and images: {aside}", as_json=as_json)
+    print_result(fields, f"deleted {_content(plan)}; backup and images: {aside}", as_json=as_json)

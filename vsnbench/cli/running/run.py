@@ -24,11 +24,12 @@ from vsnbench.cli.support.options import (
     what_to_keep,
 )
 from vsnbench.cli.support.output import Json, is_quiet, print_json, resumable, without_prints_of_models
-from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
+from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, isolation_interpreter, load_config
 from vsnbench.errors import UsageError
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
+    from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
 
@@ -126,7 +127,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         fit=fit_of(load_config()),
         model_options=trial.model_options(weights, model_config),
         act_timeout_s=load_config().models.act_timeout_s,
-        isolation=None if isolate is None else _isolation(isolate),
+        isolation=None if isolate is None else _isolation(isolate, results_directory(results, db)),
         workers=requested_workers(workers),
         keep=what_to_keep(keep, live=live),
         attended=page is not None,
@@ -144,13 +145,19 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     )
 
 
-def _isolation(python: str) -> "Isolation":
+def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":
     """Return the process of `--isolate`, with the settings of section `[isolation]`."""
     from vsnbench.models.remote.isolation import Isolation
+    from vsnbench.results.database_url import sqlite_path
 
     configured = load_config().isolation
     memory_bytes = None if configured.memory_gib is None else round(configured.memory_gib * 2**30)
-    return Isolation(Path(python) if python else configured.python, memory_bytes)
+    hidden: tuple[Path, ...] = ()
+    if configured.hide_results:
+        database = sqlite_path(results.database_url)
+        names = [f"{database}{suffix}" for suffix in ("", "-wal", "-shm")] if database else []
+        hidden = (results.path, *map(Path, names))
+    return Isolation(Path(python) if python else isolation_interpreter(), memory_bytes, hidden)
 
 
 def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:

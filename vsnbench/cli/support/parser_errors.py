@@ -1,5 +1,6 @@
 """Errors of the command line parser as one-line usage errors."""
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -78,10 +79,13 @@ def _refuse_dashes(command: Any) -> None:
 def _without_dash(then: Callable[..., Any] | None, context: Any, parameter: Any, value: Any) -> Any:
     for item in value if isinstance(value, list | tuple) else [value]:
         text = str(item).strip() if isinstance(item, str | Path) else ""
+        typed = [word.rpartition("=")[2] for word in sys.argv[1:]] if text.startswith("-") else []
+        if isinstance(item, Path) and any(word.startswith("./") and Path(word) == item for word in typed):
+            continue  # the path has lost its ./
         if text.startswith("-") and not (text == _STANDARD_OUTPUT and "--output" in parameter.opts):
             option = next((name for name in parameter.opts if name.startswith("--")), parameter.opts[0])
             raise UsageError(
                 f"{option} needs a value, and {sanitize(text)!r} begins with a dash, as options do",
-                advice=f"give the value after {option}, without a leading dash",
+                advice=f"give the value after {option}, without a leading dash; ./-name is a path",
             )
     return then(context, parameter, value) if then is not None else value

@@ -100,7 +100,7 @@ def _download(url: str, part: Path, progress: Progress) -> None:
         with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - scheme checked by fetch
             received = _resumed_at(answer, received)
             length = answer.headers.get("Content-Length")
-            total = received + int(length) if length is not None and length.isdigit() else None
+            total = received + int(length) if length is not None and length.isdecimal() and len(length) < 19 else None
             with part.open("r+b" if received else "wb") as file:
                 file.seek(received)
                 file.truncate()

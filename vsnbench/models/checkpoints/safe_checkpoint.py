@@ -12,6 +12,7 @@ from typing import Any
 import numpy.typing as npt
 
 from vsnbench.errors import ModelError
+from vsnbench.files.regular import open_regular
 from vsnbench.models.checkpoints.pickle_reader import DeclaredStorage, numbers_of, read_pickle
 
 _LARGEST_PICKLE_BYTES = 2 * 2**20
@@ -33,7 +34,7 @@ def load_checkpoint(path: Path, allowed_classes: frozenset[str] = frozenset()) -
     """
     origin = str(path)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(512)
         if not head.startswith(b"PK") or not _is_archive(path):
             raise ModelError(f"{origin}: {_describe_file(head)}")

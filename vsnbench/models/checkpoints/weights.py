@@ -5,7 +5,9 @@ import os
 from pathlib import Path
 
 from vsnbench.errors import ModelError
+from vsnbench.files.home import expanded
 from vsnbench.files.package_data import resource_directory
+from vsnbench.files.regular import open_regular
 
 WEIGHTS_VARIABLE = "VSNBENCH_WEIGHTS"
 EMBEDDED = "embedded"
@@ -16,9 +18,9 @@ def weights_directory() -> Path:
     """Return the directory of weights: $VSNBENCH_WEIGHTS, or a directory in the user's data directory."""
     named = os.environ.get(WEIGHTS_VARIABLE)
     if named:
-        return Path(named).expanduser()
+        return expanded(named)
     data = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
-    return Path(data).expanduser() / "vsnbench" / "weights"
+    return expanded(data) / "vsnbench" / "weights"
 
 
 def embedded_weights(file_name: str) -> Path | None:
@@ -62,5 +64,5 @@ def find_weights(model: str, file_name: str, given: Path | None) -> Path:
 
 def file_sha256(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, in hexadecimal."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

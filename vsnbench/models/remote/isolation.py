@@ -24,12 +24,14 @@ from typing import Any, Self
 import psutil
 
 from vsnbench.errors import ModelError, ModelLostError, UsageError
+from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
+from vsnbench.runtime.hide_files import can_hide_files, command_without
 from vsnbench.text.sanitize import sanitize
 
 logger = logging.getLogger(__name__)
@@ -39,6 +41,8 @@ START_TIMEOUT_S = 120.0
 _TERMINATE_S = 3.0
 _LAST_LINES = 20
 _STUB_PACKAGES = ("numpy", "msgpack", "websockets")
+_TRANSPORT_CODES = ("not-a-model-server", "connection-lost", "no-server")
+"""Codes of errors that the packages of the model's environment cause: no model has answered."""
 _END_PATIENCE_S = 1.0
 """A connection breaks shortly before the end of its process is visible."""
 
@@ -51,6 +55,8 @@ class Isolation:
     """Interpreter of the model's environment, which needs numpy, msgpack and websockets; None for this interpreter."""
     memory_bytes: int | None = None
     """Memory limit; None for no limit."""
+    hidden: tuple[Path, ...] = ()
+    """Files and directories that the process cannot read."""
 
 
 class IsolatedProcess:
@@ -76,16 +82,26 @@ class IsolatedProcess:
             ModelError: the process ended, or does not listen in time.
         """
         hide_memory()
+        if isolation.hidden and not can_hide_files():
+            raise UsageError(
+                "this kernel cannot hide the results from a model: it has no Landlock",
+                advice="leave hide_results out of [isolation] in vsnbench.toml, or serve the model from a container",
+                code="no-landlock",
+            )
         scratch = ScratchDirectory("model")
         socket_file = scratch.path / "model.sock"
         try:
             command = _command(model, options, isolation.python, socket_file)
+            environment = _environment()
+            if isolation.hidden:
+                command = command_without(isolation.hidden, command)
+                environment["TMPDIR"] = str(scratch.path)  # what it writes beside the results it could not read
             process = subprocess.Popen(
                 command_that_ends_with_parent(command, unprivileged=True),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                env=_environment(),
+                env=environment,
                 start_new_session=True,  # Ctrl-C goes to the run, which ends the model after the robot has stopped
             )
             if isolation.memory_bytes is not None:
@@ -253,6 +269,8 @@ class IsolatedPolicy(RemotePolicy):
         except (ModelLostError, ModelError) as error:
             if death := self._process.wait_for_death():
                 raise ModelError(death) from error
+            if error.code not in _TRANSPORT_CODES:
+                raise
             last = f": {self._process.last_line}" if self._process.last_line else ""
             raise ModelError(
                 f"model {self._address} started in a separate process, which sent no card{last}",
@@ -302,7 +320,7 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
         raise UsageError(
             f"{names} cannot be passed to a model with another interpreter", advice="let its class read its settings"
         )
-    found = shutil.which(str(python.expanduser()))
+    found = shutil.which(str(expanded(python)))
     if found is None:
         raise UsageError(
             f"no interpreter {python}", advice="write --isolate /path/to/env/bin/python", code="no-interpreter"
@@ -314,6 +332,10 @@ def _command(model: str, options: Mapping[str, Any], python: Path | None, socket
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment without the variables of this interpreter."""
-    variables = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "VIRTUAL_ENV")}
+    """Return the environment without the variables of this interpreter and without the token.
+
+    The token is for servers that other machines reach. A model must not read it, and would expect it from this process.
+    """
+    left_out = ("PYTHONHOME", "VIRTUAL_ENV", vsnbench_policy.TOKEN_VARIABLE)
+    variables = {name: value for name, value in os.environ.items() if name not in left_out}
     return {**variables, "PYTHONUNBUFFERED": "1"}

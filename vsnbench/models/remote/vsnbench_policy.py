@@ -81,7 +81,8 @@ _COMPASS_LIMIT = 3.1415925
 """Largest float32 below pi; float32(pi) itself is greater than pi."""
 _HANDSHAKE_SECONDS = 5.0
 SPARE_CONNECTIONS = 15
-"""TCP connections beyond the sessions: they are about to close or have not sent a hello."""
+"""TCP connections without a session, which are about to close or have not sent a valid hello. Beyond this number the
+oldest is closed, so that clients that say nothing do not keep others out."""
 MAX_SESSIONS = 256
 _OPEN = 1
 """websockets' `State.OPEN`."""
@@ -240,13 +241,13 @@ def serve(  # noqa: PLR0913 - what its command line has
         ValueError: the card is invalid, a token is missing, or the policy cannot serve this number of sessions.
     """
     token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
-    model = _Model(policy, sessions, batch)
+    model, waiting = _Model(policy, sessions, batch), _WaitingClients()
     if unix_path is None and not token and not is_loopback(host):
         raise ValueError(f"listening on {host} without a token would let everyone use the model: set {TOKEN_VARIABLE}")
 
     def handle(connection: Any) -> None:
         try:
-            _handle_client(connection, model, token)
+            _handle_client(connection, model, token, waiting)
         except Exception:
             logger.exception("the connection to a client failed")
 
@@ -256,6 +257,7 @@ def serve(  # noqa: PLR0913 - what its command line has
         "open_timeout": _HANDSHAKE_SECONDS,
         "close_timeout": 2.0,
         "logger": _transport_logger,
+        "origins": [None],  # pages in a browser state their origin, and none of them may use the model
     }
     if certificate:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -266,7 +268,7 @@ def serve(  # noqa: PLR0913 - what its command line has
         server = _unix_serve(handle, sock=_listening_at(unix_path), **options)
     else:
         server = _serve(handle, host, port, **options)
-        server.handler = _bounded(server.handler, sessions + SPARE_CONNECTIONS)
+        server.handler = waiting.bounding(server.handler)
     with server, model:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -280,21 +282,44 @@ def serve(  # noqa: PLR0913 - what its command line has
         server.serve_forever()
 
 
-def _bounded(handle_client: Callable[[Any, Any], None], connections: int) -> Callable[[Any, Any], None]:
-    """Return a handler of TCP connections that closes those beyond a number at once."""
-    free = threading.BoundedSemaphore(connections)
+class _WaitingClients:
+    """The TCP connections without a session; beyond SPARE_CONNECTIONS the oldest is closed."""
 
-    def handle(client: socket.socket, address: Any) -> None:
-        if not free.acquire(blocking=False):
-            client.close()
-            handle_client(client, address)  # fails on the closed socket and forgets the connection
-            return
-        try:
-            handle_client(client, address)
-        finally:
-            free.release()
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._sockets: dict[int, socket.socket] = {}
+        """Thread -> duplicate of its socket, oldest first: TLS takes the original over."""
 
-    return handle
+    def bounding(self, handle_client: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+        """Return a handler of TCP connections, each of which is called in a thread of its own."""
+
+        def handle(client: socket.socket, address: Any) -> None:
+            with self._lock:
+                while len(self._sockets) >= SPARE_CONNECTIONS:
+                    _close(self._sockets.pop(next(iter(self._sockets))))
+                self._sockets[threading.get_ident()] = client.dup()
+            try:
+                handle_client(client, address)
+            finally:
+                self.remove()
+
+        return handle
+
+    def remove(self) -> None:
+        """Stop counting the connection of this thread: it has a session, or has ended."""
+        with self._lock:
+            duplicate = self._sockets.pop(threading.get_ident(), None)
+        if duplicate is not None:
+            duplicate.close()
+
+
+def _close(client: socket.socket) -> None:
+    """End a connection that another thread is reading."""
+    try:
+        client.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        logger.debug("the client had disconnected")
+    client.close()
 
 
 def _listening_at(path: str) -> socket.socket:
@@ -673,7 +698,7 @@ def _no_extension(code: int, _data: bytes) -> Any:
     raise WireError(f"extension type {code} is not in the protocol")
 
 
-def _handle_client(connection: Any, model: _Model, token: str) -> None:
+def _handle_client(connection: Any, model: _Model, token: str, waiting: _WaitingClients) -> None:
     """Answer a client until it disconnects. Invalid messages do not stop the server."""
     try:
         hello = _first_message(connection)
@@ -687,6 +712,7 @@ def _handle_client(connection: Any, model: _Model, token: str) -> None:
             code, text = problem or ("busy", busy)
             connection.send(pack({"type": "error", "code": code, "message": text}))
             return
+        waiting.remove()
         try:
             greeting = {"type": "card", "wire": version, "card": model.card, "jpeg": _can_decode_jpeg()}
             connection.send(pack(dict(greeting, sessions=model.sessions)))

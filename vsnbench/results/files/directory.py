@@ -12,6 +12,7 @@ from typing import Self
 
 from vsnbench.config import BUILT_IN_RESULTS, config_defaults, same_file_above
 from vsnbench.errors import RecordError
+from vsnbench.files.home import expanded
 from vsnbench.results.database_url import redacted_url, sqlite_path, sqlite_url
 from vsnbench.results.files.confined_paths import confined
 
@@ -61,7 +62,9 @@ class ResultsDirectory:
             database_url: value of --db. Default: `vsnbench.db` in the directory.
             environment: environment variables.
         """
-        where = Path(path or environment.get(ENVIRONMENT_VARIABLE) or BUILT_IN_RESULTS).expanduser()
+        where = expanded(path or environment.get(ENVIRONMENT_VARIABLE) or BUILT_IN_RESULTS)
+        if str(where).startswith("-"):
+            where = Path.cwd() / where  # other programs, and commands that messages suggest, would read an option
         return cls(where, database_url or sqlite_url(where / DATABASE_NAME))
 
     @property

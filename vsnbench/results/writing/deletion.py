@@ -1,15 +1,29 @@
-"""Deletes episodes and campaigns for good; what is deleted is first set aside in a directory of its own."""
+"""Deletes episodes and campaigns for good; what is deleted is first set aside in a directory of its own.
 
-from collections.abc import Collection
-from dataclasses import dataclass
+A list in that directory names what is being deleted. It is there from before the rows go until the files are moved, so
+that the next program can finish what a killed one, or one with a full disk, has begun.
+"""
+
+import errno
+import fcntl
+import json
+import logging
+import os
+import shutil
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, delete, insert, select
 
-from vsnbench.errors import RecordError, UsageError
+from vsnbench.errors import RecordError, UsageError, VsnbenchError
+from vsnbench.files.atomic import PART, sweep_parts, write_atomic
+from vsnbench.files.bounded_json import parse_json
 from vsnbench.results.database_url import sqlite_path
+from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import opened_engine, transaction
@@ -17,11 +31,16 @@ from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.study_tables import StudyArm
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Step, Trial, Verdict
+from vsnbench.results.writing.episodes import images_directory
 from vsnbench.results.writing.lifecycle import ACTIVE
 
 DELETED = "deleted"
 """Kind of events that say what was deleted, by whom and why."""
 _SET_ASIDE = "deleted"
+_UNFINISHED = "unfinished.json"
+"""Name of the list, in the directory with the backup."""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +50,8 @@ class Deletion:
     episodes: tuple[int, ...]
     """All of them, those of `campaigns` included."""
     campaigns: tuple[int, ...]
+    uuids: tuple[str, ...]
+    """Of the episodes; as many."""
     images_directories: tuple[str, ...]
 
 
@@ -39,13 +60,14 @@ def plan_deletion(connection: Connection, episodes: Collection[int], campaigns: 
 
     Raises:
         UsageError: something does not exist, belongs to a study, or runs.
+        RecordError: an episode names files that are not its own.
     """
     for kind, table, numbers in (("episode", Episode, episodes), ("campaign", Campaign, campaigns)):
         known = set(connection.scalars(select(table.id).where(table.id.in_(list(numbers)))))
         if missing := sorted(set(numbers) - known):
             raise UsageError(f"{kind} {missing[0]} does not exist", advice="nothing was deleted")
     rows = connection.execute(
-        select(Episode.id, Episode.state, Episode.images_directory, StudyArm.study_id)
+        select(Episode.id, Episode.uuid, Episode.state, Episode.images_directory, StudyArm.study_id)
         .join(Trial, Trial.id == Episode.trial_id)
         .outerjoin(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
         .where(Episode.id.in_(list(episodes)) | Trial.campaign_id.in_(list(campaigns)))
@@ -60,9 +82,17 @@ def plan_deletion(connection: Connection, episodes: Collection[int], campaigns: 
         )
     if running := [row.id for row in rows if row.state in {state.value for state in ACTIVE}]:
         raise UsageError(f"episode {running[0]} is running", advice="nothing was deleted; stop its run first")
+    if foreign := [row for row in rows if row.images_directory not in ("", images_directory(row.id))]:
+        raise RecordError(
+            f"episode {foreign[0].id} names {foreign[0].images_directory[:200]!r} as the directory of its images, "
+            f"which is not its own: the record was not written by vsnbench",
+            advice="nothing was deleted",
+            code="foreign-images",
+        )
     return Deletion(
         tuple(row.id for row in rows),
         tuple(campaigns),
+        tuple(row.uuid for row in rows),
         tuple(row.images_directory for row in rows if row.images_directory),
     )
 
@@ -77,29 +107,167 @@ def delete_for_good(
 
     Raises:
         UsageError: something may not be deleted; nothing was.
-        RecordError: the backup or the record cannot be written.
+        RecordError: the backup or the record cannot be written; or the files cannot be moved (`unfinished-deletion`).
     """
+    confined(results.path, "episodes")
     aside = results.path / _SET_ASIDE / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}"
     with opened_engine(results.database_url) as engine:
         with transaction(engine) as connection:
-            plan_deletion(connection, episodes, campaigns)
+            plan = plan_deletion(connection, episodes, campaigns)
         try:
             aside.mkdir(parents=True)
         except OSError as error:
             why = error.strerror or error
             raise RecordError(f"cannot create {aside}: {why}", advice="nothing was deleted") from error
-        is_file = sqlite_path(results.database_url) is not None
-        backup(results.database_url, aside / (DATABASE_NAME if is_file else "vsnbench.dump"))
-        with transaction(engine) as connection:
-            plan = plan_deletion(connection, episodes, campaigns)
-            _delete(connection, plan, author=author, reason=reason)
-    # After the commit: a crash in between leaves files without rows, never rows without files.
-    for name in plan.images_directories:
-        source = results.episode_directory(name)
-        if source.is_dir() and not source.is_symlink():
-            (aside / name).parent.mkdir(parents=True, exist_ok=True)
-            source.rename(aside / name)
+        with _held(aside):
+            try:
+                _list_unfinished(aside, plan)
+                backup(results.database_url, aside / _backup_name(results))
+                with transaction(engine) as connection:
+                    plan = plan_deletion(connection, episodes, campaigns)
+                    _list_unfinished(aside, plan)
+                    _delete(connection, plan, author=author, reason=reason)
+            except VsnbenchError:
+                with suppress(VsnbenchError):
+                    _finish(results, aside, plan)
+                raise
+            _move_files(results, aside, plan.images_directories)
     return plan, aside
+
+
+def finish_deletions(results: ResultsDirectory) -> list[tuple[Deletion, Path]]:
+    """Finish the deletions that other programs began and did not finish; return them as `delete_for_good` does.
+
+    If its rows are still there, a deletion did not happen, and its backup is removed. Deletions of running programs,
+    and those in a directory that this process cannot write to, stay.
+
+    Raises:
+        RecordError: the record cannot be read, or files cannot be moved (`unfinished-deletion`).
+    """
+    finished = []
+    for aside in _unfinished(results.path):
+        if not os.access(aside, os.W_OK):
+            continue
+        with suppress(BlockingIOError, FileNotFoundError), _held(aside):
+            plan = _listed(aside)
+            if plan is not None and _finish(results, aside, plan):
+                logger.warning("an interrupted `vsnbench db delete` was finished; backup and images: %s", aside)
+                finished.append((plan, aside))
+    return finished
+
+
+def unfinished_directories(results: Path) -> set[str]:
+    """Return the directories of episodes whose deletion was not finished, relative to the results directory."""
+    plans = [_listed(aside) for aside in _unfinished(results)]
+    return {directory for plan in plans if plan is not None for directory in plan.images_directories}
+
+
+def _unfinished(results: Path) -> list[Path]:
+    return sorted(file.parent for file in (results / _SET_ASIDE).glob(f"*/{_UNFINISHED}"))
+
+
+def _listed(aside: Path) -> Deletion | None:
+    """Return what a list names; None if there is no list, or it was not written by `_list_unfinished`."""
+    try:
+        content = parse_json(read_confined(aside, _UNFINISHED) or b"")
+        plan = Deletion(**{name: tuple(values) for name, values in content.items()})
+        own = {images_directory(episode) for episode in plan.episodes}
+        if set(plan.images_directories) <= own and all(isinstance(text, str) for text in plan.uuids):
+            return plan
+    except (RecordError, ValueError, TypeError, AttributeError, RecursionError):
+        pass
+    logger.warning("%s is not a list of deleted episodes", aside / _UNFINISHED)
+    return None
+
+
+@contextmanager
+def _held(aside: Path) -> Iterator[None]:
+    """Lock the directory of a deletion.
+
+    Raises:
+        BlockingIOError: another process is deleting.
+    """
+    held = os.open(aside, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(held)
+
+
+def _list_unfinished(aside: Path, plan: Deletion) -> None:
+    """Write the list, on the disk before the rows go."""
+    write_atomic(aside / _UNFINISHED, json.dumps(asdict(plan)).encode())
+    for path in (aside / _UNFINISHED, aside):
+        opened = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)
+
+
+def _finish(results: ResultsDirectory, aside: Path, plan: Deletion) -> bool:
+    """Move the files of a deletion whose rows are gone, or remove what was written for another; return which."""
+    with opened_engine(results.database_url, read_only=True) as engine, transaction(engine) as connection:
+        rows = connection.execute(select(Episode.uuid, Episode.images_directory))
+        recorded = {row.uuid: row.images_directory for row in rows}
+        campaigns = set(connection.scalars(select(Campaign.id)))
+    if not recorded.keys().isdisjoint(plan.uuids) or (not plan.uuids and not campaigns.isdisjoint(plan.campaigns)):
+        with suppress(OSError):
+            if (aside / "episodes").exists():  # it did happen, and the record was restored
+                (aside / _UNFINISHED).unlink()
+                return False
+            (aside / _backup_name(results)).unlink(missing_ok=True)
+            sweep_parts(aside)
+            (aside / _UNFINISHED).unlink()
+            aside.rmdir()
+        return False
+    # After a restore, a later episode can have the number of a deleted one.
+    _move_files(results, aside, sorted(set(plan.images_directories) - set(recorded.values())))
+    return True
+
+
+def _move_files(results: ResultsDirectory, aside: Path, directories: Collection[str]) -> None:
+    # After the commit: a crash in between leaves files without rows, never rows without files.
+    confined(results.path, "episodes")
+    try:
+        for name in directories:
+            _move(results.path / name, aside / name)
+        (aside / _UNFINISHED).unlink()
+    except OSError as error:
+        raise RecordError(
+            f"the rows are deleted, but {error.filename or results.path} cannot be moved: {error.strerror or error}",
+            advice="repeat the command; the next run tries again as well",
+            code="unfinished-deletion",
+        ) from error
+
+
+def _move(source: Path, target: Path) -> None:
+    """Move a directory, also to another disk and after an interrupted attempt; a link is moved, not followed."""
+    if not os.path.lexists(source):
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        source.rename(target)
+    except OSError as error:
+        if error.errno != errno.EXDEV:
+            raise
+        if source.is_symlink():
+            target.symlink_to(source.readlink())
+            source.unlink()
+            return
+        if not target.exists():
+            part = target.with_name(f"{target.name}{PART}")
+            if part.exists():
+                shutil.rmtree(part)
+            shutil.copytree(source, part, symlinks=True)
+            os.sync()
+            part.rename(target)
+        shutil.rmtree(source)
+
+
+def _backup_name(results: ResultsDirectory) -> str:
+    return DATABASE_NAME if sqlite_path(results.database_url) is not None else "vsnbench.dump"
 
 
 def _delete(connection: Connection, plan: Deletion, *, author: str, reason: str) -> None:

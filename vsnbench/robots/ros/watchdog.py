@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.files.home import expanded
 from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.ros_common.robot_link import RobotLink
 from vsnbench.sensing.odometry.odometry import OdometryReading
@@ -196,7 +197,7 @@ def _file(profile: RobotProfile, *, simulated: bool) -> Path:
     names = interface_of(profile)
     depends = [profile.name, profile.base.model_dump(mode="json"), names.command, names.command_timeout_s, simulated]
     key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()[:16]
-    state = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser()
+    state = expanded(os.environ.get("XDG_STATE_HOME") or "~/.local/state")
     return state / "vsnbench" / "watchdogs" / f"{profile.name}-{key}.json"
 
 

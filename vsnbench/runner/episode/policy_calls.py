@@ -21,6 +21,7 @@ from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime import time_limits
+from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, sanitize
@@ -93,7 +94,8 @@ class PolicyCalls:
         """
         failure: VsnbenchError | PolicyFailedError | None = None
         try:
-            yield
+            with floating_point_restored():
+                yield
         except BaseException as error:
             self._stop.act_now()
             failure = self._failure(where, error)
@@ -110,7 +112,11 @@ class PolicyCalls:
         if isinstance(error, DecisionError):
             line = error_line(error, named=False)
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {line}")
-        logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
+        if type(error) is ModelError:  # states the failure; frames of this package would add nothing
+            notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
+            logger.error("model %s failed in %s: %s%s", self._name, where, error_line(error, named=False), notes)
+        else:
+            logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
         return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")
 
 

@@ -5,6 +5,7 @@ killed process therefore loses one step at most, every committed step has its im
 within one action. Where every core runs a worker, each step is written before the next observation instead.
 """
 
+import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +30,7 @@ from vsnbench.results.writing.episodes import Claim
 from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.placing import PlacementLook
+from vsnbench.runtime.clock import ClockReading
 from vsnbench.values.decision_check import SENSING
 from vsnbench.values.encoding.codec import diagnostics_to_details
 from vsnbench.values.fix import Fix
@@ -36,6 +38,13 @@ from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.values.step import StepRecord
+
+logger = logging.getLogger(__name__)
+
+CLOCK_SET = "clock_set"
+"""Kind of events that say that the computer's clock was set."""
+_CLOCK_CHANGE_S = 2.0
+"""Larger changes are recorded; time synchronization makes smaller ones."""
 
 
 class EpisodeWriter(Protocol):
@@ -100,6 +109,7 @@ class EpisodeRecorderFanOut:
         self._detour_m = 0.0
         self._last_number = 0
         self._robot_time_s = 0.0
+        self._began = ClockReading()
 
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         """Return the image from when this robot was first accepted at this start; None if there is none."""
@@ -112,6 +122,7 @@ class EpisodeRecorderFanOut:
         if placed is not None and measured is not None and measured.within_tolerance:
             self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
         self._plan = plan
+        self._began = ClockReading()
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
         journal.place(claim.id, start)
@@ -164,6 +175,7 @@ class EpisodeRecorderFanOut:
     def end(self, outcome: EpisodeOutcome) -> None:
         """Write the end and the verdict in one transaction."""
         self._settle()
+        self._note_clock_change()
         length_m = None
         if outcome.began:
             length_m = path_length_m([moment.pose for moment in self._trajectory]) + self._detour_m
@@ -185,6 +197,16 @@ class EpisodeRecorderFanOut:
             ),
         )
         self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
+
+    def _note_clock_change(self) -> None:
+        """Record if somebody set the computer's clock during the episode: its dates are then not in order."""
+        change_s = self._began.change_until_s(ClockReading())
+        if abs(change_s) < _CLOCK_CHANGE_S:
+            return
+        direction = "back" if change_s < 0 else "forward"
+        words = f"the computer's clock was set {direction} by {abs(change_s):.0f} s during this episode"
+        logger.warning("episode %d: %s; its recorded dates are not in order", self._claim.id, words)
+        self.event(CLOCK_SET, words)
 
     def close(self) -> None:
         """Close files and threads."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.files.temporary import private_temporary_directory
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 
 _SIMULATED = "simulated:"
@@ -41,13 +42,14 @@ class PackedFile:
 
     def unpacked(self) -> Path:
         """Write the file once on this machine, readable for this user only, and return its path."""
-        directory = Path(tempfile.gettempdir()) / f"vsnbench-shipped-{os.getuid()}"
-        directory.mkdir(mode=0o700, exist_ok=True)
-        if directory.is_symlink() or directory.stat().st_uid != os.getuid():
+        directory = private_temporary_directory()
+        if directory is None:
             raise UsageError(
-                f"{directory} belongs to another user", advice="remove it on that node", code="foreign-directory"
+                f"{tempfile.gettempdir()}/vsnbench-{os.getuid()} does not belong to this user alone",
+                advice="remove it on that node, or set TMPDIR there to a directory that only this user can enter",
+                code="foreign-directory",
             )
-        path = directory / hashlib.sha256(self.content).hexdigest() / self.name
+        path = directory / "shipped" / hashlib.sha256(self.content).hexdigest() / self.name
         if not path.is_file() or path.read_bytes() != self.content:
             write_atomic(path, self.content)
         return path

@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.files.home import expanded
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.text.sanitize import error_line
 
@@ -148,7 +149,7 @@ def _token() -> tuple[str, str]:
         return token.strip(), "RAY_AUTH_TOKEN"
     source = os.environ.get("RAY_AUTH_TOKEN_PATH") or str(_DEFAULT_TOKEN_FILE)
     try:
-        return Path(source).expanduser().read_text(encoding="utf-8").strip(), source
+        return expanded(source).read_text(encoding="utf-8").strip(), source
     except (OSError, UnicodeDecodeError):
         return "", source
 

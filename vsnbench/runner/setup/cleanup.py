@@ -11,15 +11,17 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.files.staged_import import remove_stale_imports
 from vsnbench.results.reading.queries import images_directories
+from vsnbench.results.writing.deletion import finish_deletions
 from vsnbench.results.writing.journal import Journal
 
 
 def sweep_results(results: ResultsDirectory, journal: Journal) -> None:
-    """Remove incomplete files, unfinished imports, and the images of steps that were not committed.
+    """Finish interrupted deletions; remove incomplete files, unfinished imports and images of uncommitted steps.
 
     Files that a live process is writing stay, as do all images of committed steps. Only the folders of interrupted
     episodes are searched completely: 10,000 episodes take 0.1 s.
     """
+    finish_deletions(results)
     remove_stale_imports(results.path, partial(images_directories, journal.engine))
     with contextlib.suppress(OSError), os.scandir(results.path / "episodes") as folders:
         for folder in folders:

@@ -33,6 +33,7 @@ from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
 from vsnbench.runner.disturbances.fit import check_disturbances
 from vsnbench.runner.setup.selection import choose_goals
+from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
 from vsnbench.runtime.time_limits import call_interrupted
 from vsnbench.sites.site import Site
@@ -153,7 +154,7 @@ def open_trial_setup(spec: TrialSetupSpec) -> Iterator[TrialSetup]:
         VsnbenchError: the model or the robot cannot be used.
     """
     use_one_thread_in_simulation(spec.robot)
-    with process_exit_refused():
+    with process_exit_refused(), floating_point_restored():
         policy = load_policy(spec)
         try:
             choose_goals(spec.goals, spec.site, policy.card)

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ImageError
+from vsnbench.values.encoding.images import decode_picture
 
 COMPRESSED, COMPRESSED_DEPTH = "compressed", "compressedDepth"
 _HEADER = struct.Struct("<iff")
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
-_MOST_PIXELS = 4096 * 4096
 
 
 class CompressedMessage(Protocol):
@@ -78,13 +78,8 @@ def decode_compressed_depth(message: CompressedMessage) -> npt.NDArray[np.uint16
 
 
 def _decoded(data: bytes, flags: int, what: str, codec: str) -> Any:
-    import cv2
-
-    try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error:
-        pixels = None
-    if pixels is None or pixels.shape[0] * pixels.shape[1] > _MOST_PIXELS:
+    pixels = decode_picture(data, flags)
+    if pixels is None:
         raise ImageError(f"a compressed {what} image ({codec!r}, {len(data)} bytes) cannot be decoded")
     return pixels
 

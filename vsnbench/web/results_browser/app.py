@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import closing
@@ -19,6 +18,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.annotations import MAX_NOTE_CHARACTERS, Annotation, read_annotation
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
@@ -51,7 +51,7 @@ class BrowserApp:
         self._results = results
         self._engine = engine
         self._operator = gather_provenance().operator
-        self._videos = tempfile.TemporaryDirectory(prefix="vsnbench-videos-")
+        self._videos = ScratchDirectory("videos")
         self._listed: tuple[str, bytes] = ("", b"")
         self._listing = threading.Lock()
         self._failures = FailureKinds(engine)
@@ -86,7 +86,7 @@ class BrowserApp:
     def close(self) -> None:
         """End the classification of failures, and delete the videos that were made for download."""
         self._failures.close()
-        self._videos.cleanup()
+        self._videos.remove()
 
     async def _session(self, request: Request) -> Response:
         fields = {"csrf_token": csrf_token_for(request), "author": self._operator, "is_static": False}
@@ -138,7 +138,7 @@ class BrowserApp:
             raise HTTPException(404, "a video is of one episode or of two")
         numbers = [int(part) for part in parts]
         name = f"episode{'s' if len(numbers) > 1 else ''}-{'-'.join(map(str, numbers))}.mp4"
-        file = Path(self._videos.name, name)
+        file = self._videos.path / name
         await self._read(partial(self._write_video, numbers, file))
         return FileResponse(file, media_type="video/mp4", filename=name)
 

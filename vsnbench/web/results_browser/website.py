@@ -12,7 +12,7 @@ import cv2
 
 from vsnbench import __version__
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
-from vsnbench.files.atomic import write_atomic
+from vsnbench.files.atomic import sweep_parts, write_atomic
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.failures import failure_kinds
 from vsnbench.report.build import Report
@@ -191,6 +191,7 @@ def _clear(directory: Path) -> None:
         UsageError: the directory has other content.
         RecordError: it cannot be written.
     """
+    sweep_parts(directory)  # the rest of them is in directories that are removed below
     if directory.exists() and (
         not directory.is_dir() or (any(directory.iterdir()) and not (directory / HEADLINE).is_file())
     ):

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from vsnbench.errors import ModelError
+from vsnbench.files.home import expanded
 from vsnbench.models.checkpoints.torch_runtime import available_device, require_torch
 from vsnbench.models.checkpoints.weights import find_weights, weights_directory
 from vsnbench.models.vlv.detectors.contract import Detector
@@ -24,7 +25,7 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
         ModelError: its file is missing or cannot be used.
     """
     kind = _resolved(settings)
-    given = Path(settings.detector_weights).expanduser() if settings.detector_weights else None
+    given = expanded(settings.detector_weights) if settings.detector_weights else None
     if kind is DetectorKind.SIMULATED:
         if given is not None:
             raise ModelError("the simulated detector has no weights", advice=f"leave out detector_weights ({given})")

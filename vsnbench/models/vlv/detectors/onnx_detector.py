@@ -54,7 +54,7 @@ class ONNXDetector(Detector):
         # One thread in simulation: the same result on every machine.
         threads = os.environ.get("OMP_NUM_THREADS", "")
         try:
-            self._session = open_session(path, int(threads) if threads.isdigit() else None)
+            self._session = open_session(path, int(threads) if threads.isdecimal() else None)
         except Exception as error:  # onnxruntime's errors have no common base class
             reason = str(error).partition("\n")[0][:160]
             raise ModelError(f"{path}: onnxruntime cannot load it ({reason})") from error
