@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,16 @@ from vsnbench.values.robot_profile import RobotProfile
 
 _LOOK_PERIOD_S = 0.1
 """Simulated time between two depth images while a movement with parameters runs."""
+
+
+@dataclass(slots=True)
+class _Motion:
+    """Begin of a movement."""
+
+    start: Pose
+    start_s: float
+    path_m: float | None = None
+    """Driven so far, of a movement with parameters."""
 
 
 class SimulatedRobot(Robot):
@@ -76,6 +86,7 @@ class SimulatedRobot(Robot):
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
+        self._motion: _Motion | None = None
 
     @property
     def identity(self) -> RobotIdentity:
@@ -108,6 +119,7 @@ class SimulatedRobot(Robot):
     def observe(self) -> Observation:
         """Return the camera's images and the odometry."""
         self._require_begun()
+        self._motion = None
         return self._view(self.profile.camera.without_roll, self._depth_rng)
 
     def view_from(self, camera: Camera) -> Observation:
@@ -145,6 +157,7 @@ class SimulatedRobot(Robot):
         if not action.moves:
             return MotionResult(completed=True, pose=_reported(self._odometry))
         start, start_s = self._odometry, self._physics.time_s
+        self._motion = _Motion(start, start_s)
         self._target_heading_rad = heading_after(action, self._target_heading_rad, self.settings)
         controller = MotionController(action, start, self._target_heading_rad, self.settings)
         touch: Touch | None = None
@@ -163,8 +176,9 @@ class SimulatedRobot(Robot):
         """Execute a movement leg by leg. A contact stops it at once, and so does the check."""
         self._require_begun()
         start, start_s = self._odometry, self._physics.time_s
+        self._motion = motion = _Motion(start, start_s, path_m=0.0)
         plan = LegPlan(movement, start)
-        path_m, controller, touch, blocked = 0.0, None, None, ""
+        controller, touch, blocked = None, None, ""
         while (leg := plan.next(self._odometry)) is not None and not blocked:
             controller = leg.controller(self._odometry, self.settings)
             command, looked_s = STANDSTILL, -math.inf
@@ -180,7 +194,7 @@ class SimulatedRobot(Robot):
                 before = self._odometry
                 touch = self._physics.drive(command)
                 self._read_odometry()
-                path_m += before.distance_to(self._odometry)
+                motion.path_m = (motion.path_m or 0.0) + before.distance_to(self._odometry)
                 if touch:
                     controller.abort(f"touched {self._name_of(touch)}")
                     self._physics.stop()
@@ -190,7 +204,15 @@ class SimulatedRobot(Robot):
                 break
         self._target_heading_rad = self._odometry.heading_rad
         result = self._result(controller, start, start_s, touch)
-        return replace(result, path_m=path_m, blocked=blocked)
+        return replace(result, path_m=motion.path_m, blocked=blocked)
+
+    def interrupted_motion(self) -> MotionResult | None:
+        """Return the odometry's motion since the movement after the last observation began."""
+        motion = self._motion
+        if motion is None:
+            return None
+        result = self._result(None, motion.start, motion.start_s, None)
+        return replace(result, completed=False, path_m=motion.path_m)
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""

@@ -119,7 +119,7 @@ class _EpisodeCheck:
         if reason is None:
             if recorded.is_result:
                 yield self._cell("end_reason", f"{recorded}, and no step ends the episode")
-        elif not (reason in _FAILURES and recorded in _FAILURES) and not (
+        elif not (reason in _FAILURES and recorded in (*_FAILURES, EndReason.ABORTED)) and not (
             reason is EndReason.STOP and recorded is EndReason.SENSOR_LOST and self.final is None
         ):
             yield self._cell("end_reason", f"{recorded}, and the steps end with {reason}")
