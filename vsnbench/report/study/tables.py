@@ -46,7 +46,8 @@ def _primary(found: StudyFindings) -> ReportTable:
     if found.primary.over:
         notes.append(f"The study is over: {found.primary.over}.")
     for arm, block in found.primary.dropped.items():
-        notes.append(f"{found.shown[arm]} was worse and dropped after {counted(block, found.primary.unit)}.")
+        behind = "behind in these trials" if found.plan.of_these_cells else "worse"
+        notes.append(f"{found.shown[arm]} was {behind} and dropped after {counted(block, found.primary.unit)}.")
     bounds = [found.shown[arm.name] for arm in found.recorded.arms if arm.surveyed and not found.recorded.is_blind]
     if bounds:
         notes.append(f"{', '.join(bounds)}: access to the site file, an upper bound and not a competitor.")
@@ -64,7 +65,7 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
     else:
         question = f"{shown[result.first]} – {shown[result.second]}"
         k = f"{result.successes[0]} : {result.successes[1]}"
-        better = "more progress" if result.means else "better"
+        better = "more progress" if result.means else "ahead" if found.plan.of_these_cells else "better"
         undecided = "counted only" if result.counted else "not shown"
         answer = f"{shown[result.winner]} {better}" if result.winner else undecided
     sign = "" if result.second is None else "+"

@@ -45,7 +45,8 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
             Column("A - B", note="difference in success rate, points; if paired, the mean over the cells"),
             Column(
                 "95 % interval",
-                note="Newcombe's interval of the difference, points; paired if the test is; unknown for two starts",
+                note="Newcombe's interval of the difference, points; paired if the test is; simultaneous for all "
+                "comparisons in Holm's correction; unknown for two starts",
             ),
             Column("cells", rank=2, note="combinations of goal and starting position"),
             Column("only A : only B", rank=4, note="matched episodes of which only one succeeded"),
