@@ -136,7 +136,8 @@ def tables(studies: int) -> dict[str, tuple[list[str], list[Job]]]:
         ),
         "several arms": (
             [
-                "| arms | chances | rate | logit SD | **winner** | **all cover** | winner, one | all cover, one |",
+                "| arms | chances | rate | logit SD | **winner** | **all cover** | winner, single "
+                "| all cover, single |",
                 "| ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
             ],
             [partial(several_line, studies, *each) for each in several],

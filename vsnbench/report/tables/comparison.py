@@ -50,7 +50,11 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
             ),
             Column("cells", rank=2, note="combinations of goal and starting position"),
             Column("only A : only B", rank=4, note="matched episodes of which only one succeeded"),
-            Column("p", note="two-sided p-value of the test in the next column"),
+            Column(
+                "p",
+                note="two-sided p-value of the test in the next column; a test of starting positions tests whether the "
+                "models are equal at every position",
+            ),
             Column("test", number=False, rank=3),
             Column("Holm p", rank=1, note="p after Holm's correction for all comparisons"),
         ),

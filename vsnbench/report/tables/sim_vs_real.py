@@ -78,8 +78,8 @@ def _real_row(pair: SimRealPair) -> Row:
 
 _POWERED = (
     "Prediction-powered inference (PPI++): the simulated rate of the cells without real trials, corrected by the "
-    "simulation error in the cells with real trials. Valid only if these cells were chosen independently of their "
-    "outcomes; not a primary result unless the study plan names it."
+    "simulation error in the cells with real trials. Valid only if these cells were drawn at random; convenient "
+    "starting positions bias it; not a primary result unless the study plan names it."
 )
 
 
