@@ -12,6 +12,7 @@ from matplotlib.text import Text
 
 from tests.report.records import Attempt, Lab, step
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, drawings
@@ -151,8 +152,23 @@ def test_success_and_failure_end_at_their_shares_of_all_episodes(tmp_path: Path)
     figure = next(each for each in drawn(lab) if each.name == "outcomes-over-actions").figure
     assert figure is not None
     succeeded, failed = (axes.lines[0].get_xydata().tolist() for axes in figure.axes)  # type: ignore[union-attr]
-    assert succeeded == [[0, 0], [10, 25], [40, 50], [60, 50]]
-    assert failed == [[0, 0], [5, 25], [60, 50], [60, 50]]
+    assert succeeded == [[0, 0], [10, 25], [40, 50], [150, 50]]
+    assert failed == [[0, 0], [5, 25], [60, 50], [150, 50]]
+
+
+def test_success_and_failure_are_drawn_of_shared_goals_and_never_of_unlike_limits(tmp_path: Path) -> None:
+    lab, starts = Lab(tmp_path), range(1, 16)
+    lab.write([Attempt(goal, start) for goal in ("chair", "bed") for start in starts], model="wide")
+    lab.write([Attempt("chair", start, success=False) for start in starts], model="narrow")
+    lab.write([Attempt(start=start) for start in starts], model="long", protocol=ProtocolParameters(max_actions=250))
+    shared, long = (each for each in drawn(lab) if each.name.startswith("outcomes-over-actions"))
+    assert "wide: 15 of 15 succeeded" in shared.alt
+    assert "narrow: 0 of 15 succeeded" in shared.alt
+    assert "on chair: " in shared.caption
+    assert "the limit of 150 actions" in shared.caption
+    assert "long" not in shared.alt
+    assert long.figure is not None
+    assert long.figure.axes[0].lines[0].get_xydata().tolist()[-1] == [250, 100]  # type: ignore[union-attr]
 
 
 def test_a_caption_says_what_the_names_stand_for(tmp_path: Path) -> None:

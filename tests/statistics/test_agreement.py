@@ -48,7 +48,7 @@ def test_a_twin_that_flatters_is_said_to() -> None:
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=4, max_size=30))
 def test_rank_correlation_is_that_of_the_ranks(pairs: "list[tuple[int, int]]") -> None:
     first, second = ([float(each[side]) for each in pairs] for side in (0, 1))
-    found = rank_correlation(first, second)
+    found = rank_correlation(first, second, range(len(first)))
     if len(set(first)) < 2 or len(set(second)) < 2:
         assert math.isnan(found.rho)
         return
@@ -57,16 +57,31 @@ def test_rank_correlation_is_that_of_the_ranks(pairs: "list[tuple[int, int]]") -
         assert found.interval.low <= found.rho <= found.interval.high
 
 
-def test_the_interval_of_a_rank_correlation_covers() -> None:
+def test_the_interval_of_a_rank_correlation_covers_whole_starting_positions() -> None:
+    random, held, samples, starts = np.random.default_rng(3), 0, 300, np.repeat(range(15), 5)
+    true = 6 / math.pi * math.asin(0.8 / 2)  # Spearman's rho of a normal pair with correlation 0.8
+    for _ in range(samples):
+        shared = np.sqrt(0.8) * random.standard_normal(15)[starts]
+        x, y = (
+            shared + np.sqrt(0.15) * random.standard_normal(15)[starts] + np.sqrt(0.05) * random.standard_normal(75)
+            for _ in range(2)
+        )
+        held += true in rank_correlation(x.tolist(), y.tolist(), starts.tolist()).interval
+    assert held / samples > 0.92
+
+
+def test_the_interval_of_a_rank_correlation_covers_single_items() -> None:
     random, held, samples = np.random.default_rng(3), 0, 400
     true = 6 / math.pi * math.asin(0.6 / 2)  # Spearman's rho of a normal pair with correlation 0.6
     for _ in range(samples):
         x = random.standard_normal(30)
         y = 0.6 * x + 0.8 * random.standard_normal(30)
-        held += true in rank_correlation(x.tolist(), y.tolist()).interval
-        assert kendalltau(x, y).statistic * rank_correlation(x.tolist(), y.tolist()).rho >= -0.1
+        found = rank_correlation(x.tolist(), y.tolist(), range(30))
+        held += true in found.interval
+        assert kendalltau(x, y).statistic * found.rho >= -0.1
     assert held / samples > 0.92
-    assert math.isnan(rank_correlation([1, 2], [1, 2]).rho)
+    assert math.isnan(rank_correlation([1, 2], [1, 2], [1, 2]).rho)
+    assert not rank_correlation(range(14), [*range(13), 0], [n // 2 for n in range(14)]).interval.known, "7 positions"
 
 
 JUDGED = st.lists(

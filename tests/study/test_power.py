@@ -69,6 +69,20 @@ def test_simulated_studies_end_as_the_study_itself_would(about: str, difference:
         assert units == found.units[place]
 
 
+def test_of_equal_arms_every_winner_is_wrong_and_chance_within_cells_decides_about_these_cells() -> None:
+    design = Design(15, 5, 1, 0.5, Resemblance(0.1, 0.3, 0.5))
+    plan, like, these = (
+        planned_power(small_study(**({"stopping": "decided", "about": about} if about else {})), design, (0.0, 0.3))
+        for about in ("", "cells-like-these", "these-cells")
+    )
+    for found in (plan, like, these):
+        assert np.isnan(found[0].power)
+        assert found[1].wrong <= 0.01
+    assert plan[0].wrong <= 0.05
+    assert like[0].wrong <= 0.05
+    assert these[0].wrong > 0.3
+
+
 def test_more_arms_ask_more_questions_and_have_less_power_each() -> None:
     three = small_study(arms={name: {"model": f"lab:{name}"} for name in ("a1", "b1", "c1")})
     two = small_study()

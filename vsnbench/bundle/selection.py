@@ -37,7 +37,9 @@ def select_study(connection: Connection, number: int) -> BundleSelection:
     title = repr(sanitize(study.title))
     if study.is_blind:
         raise UsageError(
-            f"the study {title} is blind", advice="unblind it first with `vsnbench study unblind`", code="blind-study"
+            f"the study {title} is blind",
+            advice='unblind it first with `vsnbench study unblind --reason "WHY"`',
+            code="blind-study",
         )
     if who := session_of_another(connection, number, _NO_PROCESS):
         raise UsageError(f"the study {title} is run by {who}", advice="wait for its end", code="running-study")

@@ -149,6 +149,13 @@ class Robot(ABC):
         """
         raise NotImplementedError(f"{type(self).__name__}.drive")
 
+    def interrupted_motion(self) -> MotionResult | None:
+        """Return what was measured since `execute` or `drive` after the last `observe`; None if it is not known.
+
+        Called after `halt`, if a request to stop has interrupted the motion. The result is not completed.
+        """
+        return None
+
     @abstractmethod
     def locate(self) -> Fix:
         """Return the robot's pose in the site. Used for judging; the model never receives it."""

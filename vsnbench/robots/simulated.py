@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,18 @@ from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
 _LOOK_PERIOD_S = 0.1
 """Simulated time between two depth images while a movement with parameters runs."""
+
+
+@dataclass(slots=True)
+class _Motion:
+    """Begin of a movement."""
+
+    start: Pose
+    start_s: float
+    movement: Drive | None = None
+    """None for a discrete action."""
+    path_m: float | None = None
+    """Driven so far, of a movement with parameters."""
 
 
 class SimulatedRobot(Robot):
@@ -82,6 +94,7 @@ class SimulatedRobot(Robot):
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
+        self._motion: _Motion | None = None
 
     @property
     def identity(self) -> RobotIdentity:
@@ -115,6 +128,7 @@ class SimulatedRobot(Robot):
     def observe(self) -> Observation:
         """Return the camera's images and the odometry."""
         self._require_begun()
+        self._motion = None
         return self._view(self.profile.camera.without_roll, self._depth_rng)
 
     def view_from(self, camera: Camera) -> Observation:
@@ -152,6 +166,7 @@ class SimulatedRobot(Robot):
         if not action.moves:
             return MotionResult(completed=True, pose=_reported(self._odometry))
         start, start_s = self._odometry, self._physics.time_s
+        self._motion = _Motion(start, start_s)
         if self._mover is not None:
             return self._moved(self._mover, self._mover.execute(action), start, start_s)
         self._target_heading_rad = heading_after(action, self._target_heading_rad, self.settings)
@@ -172,10 +187,11 @@ class SimulatedRobot(Robot):
         """Execute a movement leg by leg. A contact stops it at once, and so does the check."""
         self._require_begun()
         start, start_s = self._odometry, self._physics.time_s
+        self._motion = motion = _Motion(start, start_s, movement, 0.0)
         if self._mover is not None:
             return self._driven(self._mover, movement, check)
         plan = LegPlan(movement, start)
-        path_m, controller, touch, blocked = 0.0, None, None, ""
+        controller, touch, blocked = None, None, ""
         while (leg := plan.next(self._odometry)) is not None and not blocked:
             controller = leg.controller(self._odometry, self.settings)
             command, looked_s = STANDSTILL, -math.inf
@@ -191,7 +207,7 @@ class SimulatedRobot(Robot):
                 before = self._odometry
                 touch = self._base.drive(command)
                 self._read_odometry()
-                path_m += before.distance_to(self._odometry)
+                motion.path_m = (motion.path_m or 0.0) + before.distance_to(self._odometry)
                 if touch:
                     controller.abort(f"touched {self._name_of(touch)}")
                     self._physics.stop()
@@ -206,9 +222,20 @@ class SimulatedRobot(Robot):
             completed=result.completed and not plan.failure,
             failure=result.failure or plan.failure,
             displacement_m=displacement_m(start, self._odometry, movement),
-            path_m=path_m,
+            path_m=motion.path_m,
             blocked=blocked,
         )
+
+    def interrupted_motion(self) -> MotionResult | None:
+        """Return the odometry's motion since the movement after the last observation began."""
+        motion = self._motion
+        if motion is None:
+            return None
+        if self._mover is not None and motion.path_m is not None:
+            motion.path_m = self._mover.path_m
+        result = self._result(None, motion.start, motion.start_s, None)
+        displaced_m = displacement_m(motion.start, self._odometry, motion.movement)
+        return replace(result, completed=False, displacement_m=displaced_m, path_m=motion.path_m)
 
     def _driven(self, mover: SimulatedMover, movement: Drive, check: PathCheck) -> MotionResult:
         """Execute a movement on a base that is not ideal."""
@@ -291,6 +318,9 @@ class SimulatedRobot(Robot):
 
     def _read_odometry(self, *, fresh: bool = False) -> None:
         """Update the odometry, and read it at the rate at which this base sends messages."""
+        if self._mover is not None:
+            self._odometry = self._mover.reading
+            return
         pose = self._base.measure()
         now_s = self._physics.time_s
         due_s = self._odometry_stamp_s + self._odometry_period_s

@@ -1,7 +1,7 @@
 """Agreement of two conditions, cell by cell, and of two judges: error, Cohen's kappa and rank correlation.
 
-Sources: Spearman (1904) with the interval of Bonett and Wright (2000); Cohen's kappa (1960). Kadian et al., "Sim2Real
-Predictivity" (2020), use the correlation of success rates to assess a simulator.
+Sources: Spearman (1904); Efron and Tibshirani (1993), Chapter 11, for the jackknife; Cohen's kappa (1960). Kadian et
+al., "Sim2Real Predictivity" (2020), use the correlation of success rates to assess a simulator.
 """
 
 import math
@@ -14,6 +14,7 @@ from vsnbench.statistics.bootstrap import MIN_CLUSTERS, Floats, cluster_draws, p
 from vsnbench.statistics.clustered import arrays
 from vsnbench.statistics.paired import PairedOutcomes
 from vsnbench.statistics.rates import CONFIDENCE, UNKNOWN, Interval
+from vsnbench.statistics.student import student_quantile
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,19 +59,45 @@ class RankCorrelation:
 
 
 def rank_correlation(
-    first: Sequence[float], second: Sequence[float], confidence: float = CONFIDENCE
+    first: Sequence[float], second: Sequence[float], clusters: Sequence[int], confidence: float = CONFIDENCE
 ) -> RankCorrelation:
-    """Return Spearman's rank correlation; the interval is unknown for fewer than four items."""
-    things = len(first)
-    if things < 3 or len(set(first)) < 2 or len(set(second)) < 2:
-        return RankCorrelation(math.nan, UNKNOWN)
-    from scipy.stats import norm, spearmanr
+    """Return Spearman's rank correlation, with the interval of a jackknife over whole clusters.
 
-    rho = float(spearmanr(first, second).statistic)
-    if things < 4 or abs(rho) >= 1 - 1e-12:
+    Items of one cluster, such as the cells of a starting position, are correlated. Each cluster is left out once, and
+    the spread of Fisher's transformed correlations gives the standard error, with Student's t.
+
+    Args:
+        first: value of each item.
+        second: another value of each item.
+        clusters: cluster of each item.
+        confidence: level of the interval. It is unknown for fewer than `MIN_CLUSTERS` clusters, and if all items, or
+            all without a cluster, agree perfectly or are constant.
+    """
+    mine, theirs, of = np.asarray(first, np.float64), np.asarray(second, np.float64), np.asarray(clusters)
+    rho = _spearman(mine, theirs) if len(mine) >= _FEWEST_RANKED else math.nan
+    names = np.unique(of)
+    if len(names) < MIN_CLUSTERS or not abs(rho) < _PERFECT:
         return RankCorrelation(rho, UNKNOWN)
-    reach = float(norm.ppf(0.5 + confidence / 2)) * math.sqrt((1 + rho * rho / 2) / (things - 3))
+    without = np.array([_spearman(mine[of != name], theirs[of != name]) for name in names])
+    if not np.all(np.abs(without) < _PERFECT):
+        return RankCorrelation(rho, UNKNOWN)
+    leaving = np.arctanh(without)
+    spread = math.sqrt((len(names) - 1) / len(names) * float(np.sum((leaving - leaving.mean()) ** 2)))
+    reach = student_quantile(len(names) - 1, 0.5 + confidence / 2) * spread
     return RankCorrelation(rho, Interval(math.tanh(math.atanh(rho) - reach), math.tanh(math.atanh(rho) + reach)))
+
+
+_FEWEST_RANKED = 3
+_PERFECT = 1 - 1e-12
+
+
+def _spearman(first: Floats, second: Floats) -> float:
+    """Return the correlation of the ranks, ties at their mean rank; NaN if a list is constant."""
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return math.nan
+    from scipy.stats import rankdata
+
+    return float(np.corrcoef(rankdata(first), rankdata(second))[0, 1])
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,14 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
     return tuple(adjusted)
 
 
+def simultaneous(questions: int, alpha: float = 0.05) -> float:
+    """Return the confidence level at which the intervals of all questions hold together with 1 - alpha (Bonferroni).
+
+    A winner needs Holm's p-value and this interval, so that every command names the same winners of the same questions.
+    """
+    return 1 - alpha / max(1, questions)
+
+
 def letters(models: int, differ: Callable[[int, int], bool]) -> tuple[str, ...]:
     """Return a compact letter display: two models share a letter exactly if no difference between them was found.
 

@@ -21,7 +21,7 @@ from vsnbench.statistics.balanced import paired_intervals
 from vsnbench.statistics.clustered import MIN_UNITS, Outcomes, arrays
 from vsnbench.statistics.conclusion import winner_signs
 from vsnbench.statistics.paired import PairedOutcomes
-from vsnbench.statistics.rates import CONFIDENCE, POWER
+from vsnbench.statistics.rates import POWER
 
 Floats = npt.NDArray[np.float64]
 MAX_STARTS = 1000
@@ -129,22 +129,24 @@ def _across(clusters: npt.NDArray[np.int64], means: Floats, rate: float) -> Floa
     return np.asarray((sums[some] ** 2 - squares[some]) / (cells[some] * (cells[some] - 1)), np.float64)
 
 
-def power(
-    design: Design, difference: float, seed: int = 0, *, margin: float = 0.0, confidence: float = CONFIDENCE
-) -> float:
-    """Return the power for a true difference of success rates, from 600 simulated experiments.
+def power(design: Design, difference: float, seed: int = 0, *, margin: float = 0.0) -> float:
+    """Return the power for a true difference of success rates: the share of `named_models` that is right."""
+    return named_models(design, difference, seed, margin=margin)[0]
 
-    A difference is found if `vsnbench.statistics.conclusion` names the better model, by test and interval together.
+
+def named_models(design: Design, difference: float, seed: int = 0, *, margin: float = 0.0) -> tuple[float, float]:
+    """Return how often the better and how often the worse model is named, from 600 simulated experiments.
+
+    A model is named by `vsnbench.statistics.conclusion`, by test and interval together, at the level of the design.
 
     Args:
         design: design of the comparison.
         difference: true difference, 0 to 1.
         seed: seed of the simulation.
         margin: difference that a winner must exceed.
-        confidence: confidence level of the interval.
     """
     if (design.starts if design.starts > 1 else design.cells) < MIN_UNITS:
-        return 0.0  # the interval is unknown
+        return 0.0, 0.0  # the interval is unknown
     random = np.random.default_rng(seed)
     first = min(0.999, max(0.001, design.rate + difference / 2))
     second = min(0.999, max(0.001, first - difference))
@@ -152,8 +154,9 @@ def power(
     p = _p_values(random, (sides[0] - sides[1]).sum(2))
     if design.starts == 1:
         sides = sides.swapaxes(2, 3)  # a single position is replaced by its cells
-    found = paired_intervals(sides[0], sides[1], design.trials, confidence)
-    return float(np.mean(winner_signs(found.estimate, found.low, found.high, p, design.level, margin) > 0))
+    found = paired_intervals(sides[0], sides[1], design.trials, 1 - design.level)
+    signs = winner_signs(found.estimate, found.low, found.high, p, design.level, margin)
+    return float(np.mean(signs > 0)), float(np.mean(signs < 0))
 
 
 def detectable(design: Design) -> float | None:

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.statistics.betting import as_share, capital
-from vsnbench.statistics.power import Design, Resemblance, common_parts, power
+from vsnbench.statistics.power import Design, Resemblance, common_parts, named_models
 from vsnbench.study.file import Rate, StudyFile
 from vsnbench.study.units import bet_fractions
 
 Floats = npt.NDArray[np.float64]
-DIFFERENCES = (0.05, 0.10, 0.15, 0.20, 0.30, 0.40)
+DIFFERENCES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.30, 0.40)
 ASSUMED = Resemblance(start=0.1, cell=0.3, models=0.5, assumed=True)
 """Assumed correlations without data."""
 
@@ -31,7 +31,9 @@ class PlannedPower:
 
     difference: float
     power: float
-    """Share of simulated studies in which the primary test finds the better arm."""
+    """Share of simulated studies in which the primary test finds the better arm; NaN for equal arms."""
+    wrong: float
+    """Share in which it names the worse arm, or any arm if both are equal."""
     blocks: float
     """Mean number of completed blocks of the shared goals."""
     decided_at: float | None
@@ -64,10 +66,15 @@ def planned_power(
     blocks = design.starts * design.cells * design.trials
     return tuple(
         PlannedPower(
-            difference, power(design, difference, margin=study.margin, confidence=1 - design.level), blocks, None
+            difference, *_shares(difference, *named_models(design, difference, margin=study.margin)), blocks, None
         )
         for difference in differences
     )
+
+
+def _shares(difference: float, better: float, worse: float) -> tuple[float, float]:
+    """Return the shares of right and of wrong winners."""
+    return (better, worse) if difference else (math.nan, better + worse)
 
 
 def _decided(study: StudyFile, design: Design, difference: float) -> PlannedPower:
@@ -80,7 +87,7 @@ def _decided(study: StudyFile, design: Design, difference: float) -> PlannedPowe
     right = found.signs > 0
     return PlannedPower(
         difference,
-        float(right.mean()),
+        *_shares(difference, float(right.mean()), float((found.signs < 0).mean())),
         float(found.units.mean()) * blocks_each,
         float(np.median(found.units[right])) if right.any() else None,
     )

@@ -119,7 +119,7 @@ class _EpisodeCheck:
         if reason is None:
             if recorded.is_result:
                 yield self._cell("end_reason", f"{recorded}, and no step ends the episode")
-        elif not (reason in _FAILURES and recorded in _FAILURES) and not (
+        elif not (reason in _FAILURES and recorded in (*_FAILURES, EndReason.ABORTED)) and not (
             reason is EndReason.STOP and recorded is EndReason.SENSOR_LOST and self.final is None
         ):
             yield self._cell("end_reason", f"{recorded}, and the steps end with {reason}")
@@ -143,11 +143,20 @@ class _EpisodeCheck:
     def _derived(self) -> Iterator[Finding]:
         """Compute the lengths and times of the episode again."""
         driving = [step.result.duration_s for step in self.steps if step.result is not None]
-        yield from self._number("duration_s", math.fsum(driving))
-        worlds = [self._world(step) for step in self.steps]
-        poses = [pose for pose in (self.start, *worlds) if pose is not None]
-        if len(poses) != len(worlds) + 1 or self.is_recovered or self.episode.path_length_m is None:
+        if driving:
+            yield from self._number("duration_s", math.fsum(driving))
+        if self.is_recovered:  # the length is that of its motions, and its process did not measure the end
             return
+        if self.start is None:
+            if self.steps:
+                yield self._cell("start_x_m", "missing, and the episode has steps")
+            return
+        poses = [self.start]
+        for step in self.steps:
+            if (pose := self._world(step)) is None:
+                yield cell("step", f"{self.episode.id}/{step.number}", "world_x_m", "missing")
+                return
+            poses.append(pose)
         detour_m = 0.0
         for step, before, after in zip(self.steps, poses, poses[1:], strict=False):
             if step.result is not None and step.result.path_m is not None:
@@ -158,20 +167,23 @@ class _EpisodeCheck:
         site, profile = self.condition.site, self.condition.profile
         if site is None or profile is None or not targets_of(site, self.episode.goal):
             return
-        space = free_space(site, profile.base.radius_m)
-        for column, pose in (
-            ("geodesic_start_m", self.start),
-            ("geodesic_end_m", self.final.pose if self.final else None),
-        ):
-            if pose is not None and getattr(self.episode, column) is not None:
-                expected = space.geodesic_to_goal_m(pose, self.episode.goal, self.parameters)
-                yield from self._number(column, expected)
+        space, goal = free_space(site, profile.base.radius_m), self.episode.goal
+        yield from self._number("geodesic_start_m", space.geodesic_to_goal_m(self.start, goal, self.parameters))
+        if self.final is not None:
+            remaining_m = space.remaining_m(self.final.pose, goal, self.parameters)
+            yield from self._number("geodesic_end_m", remaining_m)
+        elif self.episode.geodesic_end_m is not None:
+            yield self._cell("geodesic_end_m", f"{self.episode.geodesic_end_m:.6g}, without a final pose")
 
-    def _number(self, column: str, expected: float | None) -> Iterator[Finding]:
+    def _number(self, column: str, expected: float) -> Iterator[Finding]:
+        """Compare a number; one that is not finite is NULL in the record."""
         recorded = getattr(self.episode, column)
-        if recorded is None or expected is None or not math.isfinite(expected):
-            return
-        if not math.isclose(recorded, expected, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE):
+        known = math.isfinite(expected)
+        if recorded is None and known:
+            yield self._cell(column, f"missing, and the steps give {expected:.6g}")
+        elif recorded is not None and not known:
+            yield self._cell(column, f"{recorded:.6g}, and the steps give no length")
+        elif known and not math.isclose(recorded, expected, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE):
             yield self._cell(column, f"{recorded:.6g}, and the steps give {expected:.6g}")
 
     def _verdict(self) -> Iterator[Finding]:
@@ -180,6 +192,9 @@ class _EpisodeCheck:
             yield cell("verdict", f"of episode {self.episode.id}", "source", "the protocol's verdict is missing")
             return
         given, reason = own[0], EndReason(self.episode.end_reason)
+        if self.final is None and self._needs_final_pose(reason):
+            yield self._cell("final_x_m", "missing, and the robot's pose was known at the end")
+            return
         distance: GoalDistance | None = None
         if self.final is not None:
             if self.condition.site is None:
@@ -190,6 +205,11 @@ class _EpisodeCheck:
         yield from self._against(given, expected)
         if self.condition.is_simulated_here and given.source == "protocol" and given.proposed:
             yield cell("verdict", given.id, "proposed", "a simulated episode needs no confirmation")
+
+    def _needs_final_pose(self, reason: EndReason) -> bool:
+        """Whether the end of the episode was measured: not of a recovered one, nor where the robot was lost."""
+        measured = reason is EndReason.STOP or self.episode.distance_to_goal_m is not None
+        return measured or (self.condition.is_simulated_here and bool(self.steps) and not self.is_recovered)
 
     def _against(self, given: Row[Any], expected: Verdict) -> Iterator[Finding]:
         if given.success != expected.success:

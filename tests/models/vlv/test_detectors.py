@@ -209,3 +209,12 @@ def test_a_mask_is_laid_over_its_box_and_cut_at_the_image_s_border() -> None:
     assert np.count_nonzero(whole) == pytest.approx(40 * 60, rel=0.1)
     assert np.count_nonzero(paste_mask(mask, (-20.0, -20.0, 20.0, 20.0), (120, 160))) == pytest.approx(400, rel=0.15)
     assert not paste_mask(mask, (200.0, 20.0, 240.0, 60.0), (120, 160)).any()
+
+
+def test_missing_weights_are_warned_of_once_for_all_conditions_of_a_sweep(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("VSNBENCH_WEIGHTS", str(tmp_path))
+    for _ in range(3):
+        assert isinstance(open_detector(VLVSettings(), "cpu"), SimulatedDetector)
+    assert sum(str(tmp_path) in record.message for record in caplog.records) == 1

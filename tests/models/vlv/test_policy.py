@@ -153,6 +153,7 @@ def test_the_card_states_the_simulated_detector_and_the_missing_value_network() 
     assert "no value network" in card.weights_label
     assert Sensor.INSTANCES in card.sensors
     assert Sensor.DEPTH in card.sensors
+    assert Sensor.RGB not in card.sensors, "neither the detector nor the value reads the colours"
     assert card.goals == {"chair", "sofa", "table", "bed", "toilet"}
     assert json.loads(json.dumps(dict(card.settings)))["detector"] == "simulated"
 

@@ -1,10 +1,14 @@
 """Comparisons: paired if the design allows it, in plain words, no winner while trials are missing."""
 
+import itertools
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.report.records import Attempt, Lab
+from tests.report.study.test_primary import standing
+from tests.study.studies import small_study
 from vsnbench.errors import UsageError
 from vsnbench.report.analysis.conditions import Selection, kinds_note
 from vsnbench.report.analysis.episodes_frame import empty_report_data
@@ -14,6 +18,7 @@ from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import EXCHANGED, Comparison, compare
 from vsnbench.report.comparison.ranking import ranking_of
 from vsnbench.report.comparison.verdicts import verdicts
+from vsnbench.report.study.primary import analyse
 from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_table
 from vsnbench.report.tables.reference import reference_comparison
 from vsnbench.results.writing.campaigns import PlannedTrial
@@ -205,6 +210,29 @@ def test_several_questions_are_corrected_together(lab: Lab) -> None:
         for rate in one.rates:
             assert rate.p <= rate.adjusted_p <= 1
     assert "after Holm's correction for 9 comparisons" in verdicts(found[0])[0]
+
+
+def test_a_study_and_compare_give_the_same_answers_on_one_record(lab: Lab) -> None:
+    random, rates = np.random.default_rng(3), (0.2, 0.35, 0.5, 0.55, 0.75)
+    chances = {f"m{n}": rate for n, rate in enumerate(rates)}
+    won = {
+        name: {(goal, start) for goal in GOALS for start in STARTS if random.random() < rate}
+        for name, rate in chances.items()
+    }
+    for name, successes in won.items():
+        succeed(lab, name, successes)
+    signs = []
+    for names in itertools.combinations(chances, 3):
+        study = small_study(arms={name: {"model": f"lab:{name}"} for name in names}, goals=list(GOALS))
+        asked = analyse(study, standing(study, len(STARTS), lambda arm, goal, start: (goal, start) in won[arm]))
+        for answer, compared in zip(asked.answers, comparisons(lab, *names), strict=True):
+            (rate,) = compared.rates
+            assert (answer.first, answer.second) == (compared.first.name, compared.second.name)
+            assert (rate.interval.low, rate.interval.high) == pytest.approx((answer.low, answer.high))
+            assert rate.adjusted_p == pytest.approx(answer.p)
+            assert rate.conclusion is answer.conclusion
+            signs.append(rate.conclusion.sign)
+    assert 5 < sum(map(abs, signs)) < 25, "some pairs differ, others do not"
 
 
 def test_several_models_have_a_global_test_and_letters_for_distinct_groups(lab: Lab) -> None:

@@ -29,6 +29,15 @@ def test_of_two_models_the_better_is_named_with_its_numbers(lab: Lab) -> None:
     assert question.where.endswith("simulated, in apartment")
 
 
+def test_of_several_that_share_the_highest_rate_none_leads(lab: Lab) -> None:
+    for model, successes in (("one", 14), ("two", 14), ("bad", 1)):
+        succeed(lab, model, successes)
+    (answer,) = asked(lab)[0].answers
+    assert answer.startswith("On chair: one and two have the highest success rate, 93.3 % [")
+    assert "; one succeeds more often than bad (6.7 %); " in answer
+    assert "no difference from two (93.3 %) was shown" in answer
+
+
 def test_of_several_the_best_is_named_with_those_it_cannot_be_told_from(lab: Lab) -> None:
     for model, successes in (("good", 15), ("nearly", 14), ("bad", 1), ("worst", 0)):
         succeed(lab, model, successes)

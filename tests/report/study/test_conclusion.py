@@ -43,9 +43,10 @@ def test_more_progress_is_stated_as_that_and_never_as_success(changes: dict[str,
     assert answer.means == pytest.approx((0.8, 0.1), abs=0.03)
     assert answer.low < answer.difference < answer.high
     words = conclusion(plan, primary, SHOWN, None)
-    assert words.startswith("Arm B makes more progress than arm A")
+    assert words.startswith(f"Arm B {'made' if changes else 'makes'} more progress than arm A")
     assert "success was not compared: 0 against 0" in words
-    assert not re.search(r"better|succeeds|success rate|wins", words)
+    assert ("whether a model is better is not shown" in words) == bool(changes)
+    assert not re.search(r"better than|succeeds|success rate|wins", words)
 
 
 def test_no_difference_in_progress_is_no_statement_about_success() -> None:

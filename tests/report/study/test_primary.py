@@ -66,11 +66,16 @@ def test_a_margin_must_be_beaten_by_the_interval() -> None:
     assert "better" not in concluded(small_study(margin=0.45), 16, lead)
 
 
-def test_of_these_cells_a_bet_that_was_won_says_better_and_a_counted_lead_does_not() -> None:
+def test_of_these_cells_nobody_is_better_only_ahead_in_the_trials() -> None:
     study = small_study(stopping="decided", about="these-cells")
-    assert "is better than arm A on these cells" in concluded(study, 12, lambda arm, _goal, _start: arm == "one")
+    won = concluded(study, 12, lambda arm, _goal, _start: arm == "one")
+    assert won.startswith("Arm B succeeded more often than arm A in this plan's trials: ")
+    assert "; whether a model is better is not shown: " in won
+    assert "is better than" not in won
     counted = concluded(study, 12, lambda arm, goal, start: (arm == "one") == (start % 2 == 0) or start == 1)
     assert "better" not in counted
+    rate = small_study(stopping="decided", about="these-cells", primary={"kind": "rate", "arm": "one", "rate": 0.5})
+    assert "in this plan's trials, more than 50%" in concluded(rate, 15, lambda arm, _goal, _start: arm == "one")
 
 
 def test_a_lead_that_was_counted_has_no_p_value() -> None:

@@ -54,6 +54,7 @@ SWAPPED = (
     "UPDATE study_trial SET rank = 0 WHERE rank = 5",
     "UPDATE study_trial SET rank = 5 WHERE rank = -1",
 )
+NEARER = "UPDATE episode SET path_length_m = NULL, geodesic_end_m = 0 WHERE id = 1"
 MOVED = "UPDATE episode SET trial_id = (SELECT trial_id FROM study_trial WHERE rank = 9) WHERE id = 1"
 DELETED = tuple(f"DELETE FROM {table} WHERE {column} = 1" for table, column in (
     *(("step", "episode_id"), ("verdict", "episode_id"), ("episode", "id")),
@@ -78,6 +79,14 @@ DELETED = tuple(f"DELETE FROM {table} WHERE {column} = 1" for table, column in (
         (("UPDATE study SET blind = 0",), 1, "blind was True in the plan"),
         (("UPDATE study SET unblinded_at = locked_at",), 1, "unblinded without an entry"),
         (("UPDATE study SET schedule_sha256 = 'x'",), 1, "the schedule's hash was"),
+        ((NEARER,), 1, "geodesic_end_m was nothing and is 0, path_length_m was 0.75 and is nothing, progress was "),
+        (("UPDATE episode SET actions = 1 WHERE id = 1",), 1, "actions was 3 and is 1"),
+        (("UPDATE episode SET started_at = '2026-01-01 00:00:00+00:00' WHERE id = 1",), 1, "started_at was"),
+        (("UPDATE process SET operator = 'Zoe'",), 4, "operator was"),
+        (("UPDATE model SET name = 'vlv' WHERE id = 1",), 1, "model 1: sha256"),
+        (("UPDATE model SET weights_sha256 = 'f' WHERE id = 1",), 1, "model 1: sha256"),
+        (("UPDATE campaign SET model_id = 3 - model_id",), 2, "campaign 1: key"),
+        (("UPDATE site SET title = 'Another cell'",), 1, "site 1: title"),
     ],
 )  # fmt: skip
 def test_a_change_of_a_locked_study_is_found(
@@ -121,6 +130,31 @@ def test_a_malformed_log_with_new_hashes_is_found(
                 f"UPDATE study_event SET content = '{text}', sha256 = '{sha256}' WHERE sha256 = '{event.sha256}'",
             )
     assert integrity(journal, study.uuid, note_of(journal, study)).differences
+
+
+def test_a_log_of_outcomes_without_measurements_stays_readable(journal: Journal, study: RecordedStudy) -> None:
+    with journal.engine.connect() as connection:
+        events = events_of(connection, study.id)
+    hashes = {"": ""}
+    for event in events:
+        content = json.loads(event.content)
+        older = json.dumps({name: content[name] for name in content if name not in ("version", "measured")})
+        previous = hashes[event.previous]
+        hashes[event.sha256] = event_hash(event.created_at, event.kind, older, previous)
+        change(
+            journal,
+            f"UPDATE study_event SET content = '{older}', previous = '{previous}', sha256 = '{hashes[event.sha256]}' "
+            f"WHERE sha256 = '{event.sha256}'",
+        )
+    change(journal, f"UPDATE study SET log_heads = '{hashes[events[-1].sha256]}'")
+    checked = integrity(journal, study.uuid)
+    assert checked.differences == ()
+    assert [words[:34] for words in checked.remarks] == ["4 episodes logged by an older vers"]
+    run_ranks(journal, study, range(4, 6))
+    change(
+        journal, "UPDATE verdict SET success = 0 WHERE episode_id = 1", "UPDATE episode SET actions = 9 WHERE id > 4"
+    )
+    assert len(integrity(journal, study.uuid).differences) == 3, "old verdicts and new measurements are compared"
 
 
 def test_a_lock_file_with_another_schedule_is_found(journal: Journal, study: RecordedStudy) -> None:

@@ -1,5 +1,6 @@
 """`vsnbench stress`: what each disturbance of a model's camera and odometry costs in success."""
 
+import logging
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,8 @@ from vsnbench.cli.support.options import (
 )
 from vsnbench.cli.support.output import Json, resumable, without_prints_of_models
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, load_config
+
+logger = logging.getLogger(__name__)
 
 
 @resumable()
@@ -82,7 +85,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.sweep_summary import sweep_console
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
-    from vsnbench.runner.setup.stress import check_robot, conditions_of
+    from vsnbench.runner.setup.stress import check_robot, conditions_of, weakness_of
     from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
 
     names = [name for value in disturb or () for name in value.split(",")]
@@ -107,5 +110,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         keep=what_to_keep(keep, live=False),
     )
     with without_prints_of_models(as_json=as_json):
-        sweep = with_disturbances(plan_sweep(request, models, seeds, sites), conditions)
+        campaigns = plan_sweep(request, models, seeds, sites)
+        sweep = with_disturbances(campaigns, conditions)
+    if weakness := weakness_of(min(campaign.starts for campaign in campaigns), len(conditions) - 1):
+        logger.warning("%s", weakness)
     run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json), sweep_console())

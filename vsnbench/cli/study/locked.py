@@ -89,17 +89,20 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.studies.entries import AMEND
     from vsnbench.results.studies.queries import trials_of
+    from vsnbench.results.writing.recovery import lost_episodes
 
     study = open_study(file, results, db)
     recorded = study.recorded
     with open_record(study.results.database_url) as engine:
-        trials = trials_of(engine, recorded.id)
+        trials, lost = trials_of(engine, recorded.id), lost_episodes(engine)
     amendments = sum(entry.kind == AMEND for entry in recorded.entries)
     arms = []
     for arm in recorded.arms:
         own = [trial for trial in trials if trial.arm == arm.name]
-        done, left, voids = (sum(getattr(trial, field) for trial in own) for field in ("done", "left", "voids"))
-        arms.append({"arm": recorded.shown(arm.name), "done": done, "left": left, "void_attempts": voids})
+        done, voids = (sum(getattr(trial, field) for trial in own) for field in ("done", "voids"))
+        left = sum(trial.left or trial.episode_id in lost for trial in own)
+        counts = {"done": done, "left": left, "running": len(own) - done - left, "void_attempts": voids}
+        arms.append({"arm": recorded.shown(arm.name), **counts})
     if as_json:
         identity = {"study": recorded.title, "locked_at": recorded.locked_at, "locked_sha256": recorded.locked_sha256}
         state = {"sha256": recorded.sha256, "amendments": amendments, "blind": recorded.is_blind}
@@ -114,7 +117,9 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
     typer.echo(f"blind     {blind}")
     done, voids = sum(trial.done for trial in trials), sum(trial.voids for trial in trials)
     typer.echo(f"trials    {done} of {len(trials)} done, {voids} void attempts")
-    numbers = (ListColumn(heading, right=True) for heading in ("done", "left", "void attempts"))
+    if interrupted := sum(trial.episode_id in lost for trial in trials):
+        typer.echo(f"lost      {interrupted} to a process that died; the next `vsnbench study run` repeats them")
+    numbers = (ListColumn(heading, right=True) for heading in ("done", "left", "running", "void attempts"))
     typer.echo()
     print_list((name_column("arm"), *numbers), [[safe(value) for value in line.values()] for line in arms])
     _print_warnings(study)

@@ -55,7 +55,10 @@ def warnings_of(place: StudyPlace) -> Iterator[str]:
     if study.order == "as-planned":
         yield "as-planned runs one arm after another: drift (battery, light, floor) looks like a difference"
     if study.stopping == "decided" and study.of_these_cells:
-        yield "stopping: decided concludes about these cells only; about: cells-like-these generalizes to others"
+        yield (
+            "about: these-cells says which arm succeeded more often in this plan's trials, not which model is better: "
+            "of equal models with random outcomes it names one in about half of the studies; cells-like-these does not"
+        )
 
 
 def power_table(place: StudyPlace, rate: float) -> ReportTable:
@@ -87,15 +90,27 @@ def power_table(place: StudyPlace, rate: float) -> ReportTable:
             f"The power for the difference of {study.difference:.0%} is {planned.power:.0%}, less than the "
             f"{study.power:.0%} of the plan.{detectable} Use {remedy}."
         )
+    if study.of_these_cells:
+        notes.append(
+            "These studies name the arm that succeeded more often in their trials. The outcomes here are random within "
+            "a cell, so that this is often one of two equal arms."
+        )
     if fault := place.design_error:
         notes.append(f"This design cannot show a difference: {fault}.")
     columns = (
         Column("true difference %"),
-        Column("power %"),
+        Column("power %", note="Share of studies that name the better arm."),
+        Column("wrong %", note="Share of studies that name the worse arm, or any arm of two equal ones."),
         Column("blocks run", note="Mean number of blocks; a block is every arm once on one cell and repetition."),
     )
     rows = tuple(
-        row(percent(power.difference, 0), percent(power.power, 0), decimal(power.blocks, 0)) for power in powers
+        row(
+            percent(power.difference, 0),
+            percent(power.power, 0),
+            percent(power.wrong, 1),
+            decimal(power.blocks, 0),
+        )
+        for power in powers
     )
     return ReportTable("power", "Power of this design", columns, rows, tuple(notes))
 

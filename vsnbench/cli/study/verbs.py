@@ -199,6 +199,7 @@ def plan(
     """
     from vsnbench.cli.study.pilot import pilot_fields, recorded_pairs
     from vsnbench.cli.study.text import duration_line, power_table
+    from vsnbench.report.analysis.fields import finite
     from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.tables.report_table import print_tables
     from vsnbench.runner.study.arms import StudyPlace
@@ -210,8 +211,10 @@ def plan(
     pace = duration_line(place, directory, seconds)
     pairs = recorded_pairs(place, directory)
     if as_json:
-        names = ("difference_percent", "power_percent", "blocks")
-        rows = [dict(zip(names, (cell.key for cell in line.cells), strict=True)) for line in table.rows]
+        names = ("difference_percent", "power_percent", "wrong_percent", "blocks")
+        rows = [
+            {name: finite(float(cell.key)) for name, cell in zip(names, line.cells, strict=True)} for line in table.rows
+        ]
         fields = {"rate": rate, "power": rows, "notes": list(table.notes), "pace": pace}
         print_json(fields | ({"pilot": pilot_fields(pairs)} if study.of_progress else {}))
         return

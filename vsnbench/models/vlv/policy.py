@@ -58,7 +58,7 @@ class ModularPolicy(Policy):
         self.card = ModelCard(
             name=self.name,
             goals=goals,
-            sensors=frozenset(self.needed_sensors) | self._detector.sensors,
+            sensors=self._read_sensors(),
             weights_sha256=self._value.sha256,
             weights_label="; ".join(filter(None, (self._value.label, self._detector.name))),
             settings=self._record(),
@@ -67,6 +67,11 @@ class ModularPolicy(Policy):
             camera=self.default_card.camera,
             runs_on={"device": self._value.device if self._value.device != "cpu" else self._detector.device},
         )
+
+    def _read_sensors(self) -> frozenset[Sensor]:
+        """Return the sensors that decisions depend on: the colour image only if the detector or the value reads it."""
+        images = {Sensor.RGB} if self._value.reads_images else set[Sensor]()
+        return frozenset(self.needed_sensors) - {Sensor.RGB} | self._detector.sensors | images
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
@@ -101,7 +106,7 @@ class ModularPolicy(Policy):
         goals = tuple(
             item for item in detections if item.label == self._class and item.score >= self._reliability.threshold
         )
-        value = self._value.of(observation.rgb, self._class)
+        value = self._value.of(observation.rgb, self._class) if self._value.reads_images else 0.0
         move = self._search.step(observation, goals, value)
         return Decision(move.action, diagnostics=self._diagnostics(self._search, move, detections, value))
 

@@ -69,6 +69,8 @@ class RateComparison:
     """Two-sided p-value before correction."""
     adjusted_p: float = math.nan
     """`p` after Holm's correction for all comparisons."""
+    questions: int = 1
+    """Number of comparisons in that correction, for which the interval is simultaneous as well."""
     power: DesignPower | None = None
     """Power of the design; None if a difference was found or the power is unknown."""
 
@@ -84,8 +86,11 @@ class RateComparison:
 
     @property
     def interval(self) -> Interval:
-        """95 % interval of the difference (Newcombe), clustered by starting position and paired if the test is."""
-        return difference_interval(self.pairing, self.first, self.second)
+        """95 % interval of the difference (Newcombe), clustered by starting position and paired if the test is.
+
+        The intervals of all comparisons in the correction hold together with 95 %.
+        """
+        return difference_interval(self.pairing, self.first, self.second, self.questions)
 
     @property
     def attainable(self) -> AttainableP:
@@ -169,7 +174,10 @@ def compare(
     adjusted = iter(holm(family))
 
     def finished(rate: RateComparison, level: float) -> RateComparison:
-        rate = replace(rate, adjusted_p=rate.p if rate.scope == ALL else next(adjusted))
+        if rate.scope == ALL:
+            rate = replace(rate, adjusted_p=rate.p)
+        else:
+            rate = replace(rate, adjusted_p=next(adjusted), questions=len(family))
         if with_power and rate.scope in (ALL, SHARED) and rate.covered and not rate.conclusion.names_winner:
             by_start = rate.test == EXCHANGED
             return replace(rate, power=design_power(rate.pairing, rate.first, rate.second, level, by_start=by_start))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.summary import ConditionSummary, Summary
 from vsnbench.statistics.clustered import Cell, independent_difference
+from vsnbench.statistics.multiple import simultaneous
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval
 from vsnbench.statistics.rates import Interval, Proportion
 
@@ -72,11 +73,12 @@ def rate_difference(pairing: Pairing | None, first: Summary, second: Summary) ->
     return pairing.outcomes.difference if pairing else first.success_rate - second.success_rate
 
 
-def difference_interval(pairing: Pairing | None, first: Summary, second: Summary) -> Interval:
-    """Return the 95 % interval of that difference."""
+def difference_interval(pairing: Pairing | None, first: Summary, second: Summary, questions: int = 1) -> Interval:
+    """Return the interval of that difference; those of all questions hold together with 95 %."""
+    confidence = simultaneous(questions)
     if pairing:
-        return paired_interval(pairing.outcomes)
-    return independent_difference(first.outcomes, second.outcomes)
+        return paired_interval(pairing.outcomes, confidence)
+    return independent_difference(first.outcomes, second.outcomes, confidence)
 
 
 def placed_cells(summary: ConditionSummary, goals: "Collection[str]") -> dict[tuple[str, int], Cell]:

@@ -86,11 +86,12 @@ def _ranking_sentence(ranking: Ranking) -> str:
     worse = [model for model in others if not set(model.letters) & set(first.letters)]
     undecided = [model for model in others if model not in worse]
     interval = f"[{100 * first.interval.low:.1f}, {100 * first.interval.high:.1f}]"
-    clauses = [
-        f"{sanitize(first.condition.name)} has the highest success rate, {100 * first.proportion.rate:.1f} % {interval}"
-    ]
+    tied = [sanitize(model.condition.name) for model in others if model.proportion.rate == first.proportion.rate]
+    name = sanitize(first.condition.name)
+    lead = f"{', '.join([name, *tied[:-1]])} and {tied[-1]} have" if tied else f"{name} has"
+    clauses = [f"{lead} the highest success rate, {100 * first.proportion.rate:.1f} % {interval}"]
     if worse:
-        clauses.append(f"it succeeds more often than {_named(worse)}")
+        clauses.append(f"{name if tied else 'it'} succeeds more often than {_named(worse)}")
     if undecided:
         clauses.append(f"no difference from {_named(undecided)} was shown at this number of trials")
     return (

@@ -53,11 +53,12 @@ class SimRealPair:
 
     @property
     def ranks(self) -> RankCorrelation | None:
-        """Rank correlation of the rates of the shared cells."""
+        """Rank correlation of the rates of the shared cells, with an interval clustered by starting position."""
         if not self.pairing:
             return None
-        sides = (self.pairing.outcomes.first, self.pairing.outcomes.second)
-        return rank_correlation(*(arrays(side.cells)[1].tolist() for side in sides))
+        clusters, real, _ = arrays(self.pairing.outcomes.first.cells)
+        simulated = arrays(self.pairing.outcomes.second.cells)[1]
+        return rank_correlation(real.tolist(), simulated.tolist(), clusters.tolist())
 
 
 def sim_real_pairs(results: Results) -> tuple[SimRealPair, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsnbench.report.analysis.conditions import footnotes, kinds_note
+from vsnbench.report.analysis.conditions import Condition, footnotes, kinds_note
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
@@ -22,6 +22,10 @@ from vsnbench.report.figures.style import (
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
+from vsnbench.report.wording import listed
+from vsnbench.results.schema.engine import to_json
+from vsnbench.results.writing.imports import IMPORTED
+from vsnbench.text.sanitize import sanitize
 
 _MOST_POINTS = 2000
 """Maximum number of points of a curve."""
@@ -31,43 +35,72 @@ def outcomes_over_actions(record: ReportData, results: Results) -> Iterator[Draw
     """Draw the cumulative incidence of success and failure over the number of actions.
 
     Success and failure are competing events: a survival curve would rate a model that collides early like one that
-    succeeds early. Nothing is drawn without counted episodes.
+    succeeds early. A figure shows conditions of one robot, site and protocol, and so of one action limit, on the goals
+    that they share; imports have figures of their own. Nothing is drawn without counted episodes.
     """
-    done = [summary for summary in results.conditions if summary.total.episodes]
-    return in_pages(done, MAX_CONDITIONS, lambda drawn: _outcomes(record, drawn))
+    groups: dict[tuple[object, ...], list[ConditionSummary]] = {}
+    for summary in results.conditions:
+        if summary.total.episodes:
+            groups.setdefault((*_alike(summary.condition), _goals(summary)), []).append(summary)
+    pages = [
+        group[at : at + MAX_CONDITIONS] for group in groups.values() for at in range(0, len(group), MAX_CONDITIONS)
+    ]
+    return in_pages(pages, 1, lambda page: _outcomes(record, page[0], _goals(page[0][0])))
 
 
-def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary]) -> Drawing:
+def _alike(condition: Condition) -> tuple[object, ...]:
+    """Return what conditions in one figure have in common."""
+    protocol = to_json(dict(condition.protocol), in_order=True)
+    return condition.robot, condition.simulated, condition.kind == IMPORTED, condition.site_sha256, protocol
+
+
+def _goals(summary: ConditionSummary) -> tuple[str, ...]:
+    """Return the goals shared with comparable conditions that a condition was tested on; all of its own without any."""
+    own = [goal.goal for goal in summary.goals if goal.summary.episodes]
+    return tuple(goal for goal in own if goal in summary.shared_goals) or tuple(own)
+
+
+def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], goals: Sequence[str]) -> Drawing:
+    counted = {}
+    for summary in drawn:
+        rows = record.counted(summary.condition)
+        counted[summary.condition.number] = rows[rows["goal"].isin(list(goals))]
     with styled():
         figure = new_figure(COLUMN_IN if len(drawn) <= 3 else PAGE_IN * 0.75, 2.0)
         panels = figure.subplots(1, 2, sharex=True, sharey=True)
-        longest = max(int(record.counted(summary.condition)["actions"].max()) for summary in drawn)
+        longest = max(int(rows["actions"].max()) for rows in counted.values())
+        cap = max(longest, drawn[0].condition.max_actions or 0)
         lines, labels = [], []
         for index, summary in enumerate(drawn):
-            rows = record.counted(summary.condition)
+            rows = counted[summary.condition.number]
             actions, success = rows["actions"].to_numpy(), rows["success"].to_numpy()
             style: dict[str, Any] = {"color": COLORS[index], "linestyle": DASHES[index], "linewidth": 1.1}
             for axes, which in zip(panels, (success, ~success), strict=True):
-                lengths, share = _incidence(actions, which, longest)
+                lengths, share = _incidence(actions, which, cap)
                 (line,) = axes.step([0, *lengths], [0, *(100 * share)], where="post", **style)
             lines.append(line)
             labels.append(f"{summary.condition.name} (n = {len(rows)})")
         for axes, title in zip(panels, ("succeeded", "failed"), strict=True):
             axes.set_title(title, loc="left")
-            axes.set_xlim(0, longest * 1.02)
+            axes.set_xlim(0, cap * 1.02)
             axes.set_ylim(0, 102)
             axes.set_xlabel("actions")
             light_grid(axes, "both")
         panels[0].set_ylabel("episodes (%)")
         legend_below(figure, lines, labels)
     words = "; ".join(
-        f"{shown(summary.condition.name)}: {summary.total.successes} of {summary.total.episodes} succeeded, "
-        f"mean {summary.total.mean_actions:.0f} actions"
+        f"{shown(summary.condition.name)}: {rows['success'].sum()} of {len(rows)} succeeded, "
+        f"mean {rows['actions'].mean():.0f} actions"
         for summary in drawn
+        for rows in [counted[summary.condition.number]]
     )
+    first = drawn[0].condition
+    end = f"the limit of {first.max_actions} actions" if first.max_actions else "the longest episode"
     caption = (
-        "Share of the episodes that had succeeded (left) and failed (right) by number of actions. The curves end at "
-        "the success rate and the failure rate. Failures: STOP too far away, collision, or action limit."
+        f"{sanitize(first.robot_title or first.robot)}, {first.environment}, in {sanitize(first.site)}, on "
+        f"{listed(sanitize(goal) for goal in goals)}: share of the episodes that had succeeded (left) and failed "
+        f"(right) by number of actions. The curves end at {end}, at the success rate and the failure rate. Failures: "
+        "STOP too far away, collision, or a limit."
     )
     if note := kinds_note(summary.condition for summary in drawn):
         caption += f" {note}"
@@ -82,12 +115,12 @@ def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary]) -> Drawing:
 
 
 def _incidence(
-    actions: NDArray[np.int64], which: NDArray[np.bool_], longest: int
+    actions: NDArray[np.int64], which: NDArray[np.bool_], end: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return action counts, ascending, and the share of all episodes with this outcome by then."""
     lengths, ended = np.unique(actions[which], return_counts=True)
     share = np.cumsum(ended) / len(actions)
-    return np.append(lengths, longest), np.append(share, share[-1] if len(share) else 0.0)
+    return np.append(lengths, end), np.append(share, share[-1] if len(share) else 0.0)
 
 
 def mileage(record: ReportData) -> Drawing | None:

@@ -65,7 +65,8 @@ def _drawing(question: Question) -> Drawing:
         light_grid(axes, "x")
     caption = (
         f"{question.where}: difference in success rate of every pair, on the shared goals and cells. Filled blue: "
-        "a difference was shown, Holm-corrected for all pairs. Open grey: no difference was shown."
+        "a difference was shown, Holm-corrected for all pairs. Open grey: no difference was shown. The intervals "
+        "of all pairs hold together with 95 %."
     )
     return Drawing(
         "differences",

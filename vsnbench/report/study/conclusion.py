@@ -1,7 +1,8 @@
 """Conclusion of a study as one sentence; only the primary test names a better arm.
 
-The sentence about progress never calls an arm better and never speaks of success as if it had been compared: more
-progress means that the robot came nearer to its goals.
+A study about these cells says which arm succeeded more often in its trials, never that it is better: the outcomes of
+its trials are the whole population, with the chance in them. The sentence about progress never calls an arm better and
+never speaks of success as if it had been compared: more progress means that the robot came nearer to its goals.
 """
 
 from collections.abc import Mapping
@@ -11,6 +12,10 @@ from vsnbench.report.wording import caution, compared, interval_words, trial_cou
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
 from vsnbench.text.sanitize import counted
+
+IN_THESE = "in this plan's trials"
+ONLY_THESE = "whether a model is better is not shown: where outcomes vary within a cell, equal models differ by chance"
+"""What a study about these cells does not show."""
 
 
 def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], changed_after: int | None) -> str:
@@ -22,7 +27,7 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
         shown: displayed names of the arms.
         changed_after: number of results when the judging was changed; None if it was not.
     """
-    where = "on these cells" if study.of_these_cells else "on the shared goals"
+    where = IN_THESE if study.of_these_cells else "on the shared goals"
     sentences = [_sentence(study, answer, shown, where) for answer in primary.answers if not answer.open]
     waiting = sum(answer.open for answer in primary.answers)
     if waiting:
@@ -33,6 +38,8 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
         about = f"about {waiting} of the pairs " if sentences else ""
         both = " by both" if study.primary.kind == "difference" else ""
         sentences.append(f"no conclusion {about}yet: {done} are done{both}")
+    if study.of_these_cells and any(answer.winner or answer.loser for answer in primary.answers):
+        sentences.append(ONLY_THESE)
     words = "; ".join(sentences)
     if changed_after is not None:
         words += f" (the analysis was changed after {changed_after} results)"
@@ -50,7 +57,7 @@ def _sentence(study: StudyFile, answer: Answer, shown: Mapping[str, str], where:
         rate = study.primary.rate if isinstance(study.primary, Rate) else 0.5
         text = f"{shown[answer.first]} succeeds in {k} of {tried} [{answer.low:.0%}, {answer.high:.0%}]"
         if answer.winner:
-            return f"{text} {where}, better than {rate:.0%}"
+            return f"{text} {where}, {'more' if study.of_these_cells else 'better'} than {rate:.0%}"
         if answer.loser:
             return f"{text} {where}, less than {rate:.0%}"
         return f"{text} {where}: neither above nor below {rate:.0%} was shown"
@@ -59,7 +66,8 @@ def _sentence(study: StudyFile, answer: Answer, shown: Mapping[str, str], where:
     if answer.winner:
         ahead, behind = (k, m) if answer.winner == answer.first else (m, k)
         better, worse = shown[answer.winner], shown[answer.loser or ""]
-        return f"{better} is better than {worse} {where}: {ahead} against {behind} of {tried}"
+        claim = "succeeded more often" if study.of_these_cells else "is better"
+        return f"{better} {claim} than {worse} {where}: {ahead} against {behind} of {tried}"
     named = f"{shown[answer.first]} and {shown[answer.second]}"
     if answer.counted:
         return (
@@ -81,9 +89,10 @@ def _of_progress(study: StudyFile, answer: Answer, shown: Mapping[str, str], suc
     if answer.winner:
         nearer, other = shown[answer.winner], shown[answer.loser or ""]
         numbers = sorted((mine, theirs), reverse=True)
+        makes = "made" if study.of_these_cells else "makes"
         return (
-            f"{nearer} makes more progress than {other} {where}: {numbers[0]:.0%} against {numbers[1]:.0%} of the way "
-            f"on average ({first} - {second}: {seen}); {success}"
+            f"{nearer} {makes} more progress than {other} {where}: {numbers[0]:.0%} against {numbers[1]:.0%} of the "
+            f"way on average ({first} - {second}: {seen}); {success}"
         )
     if answer.counted:
         return (

@@ -9,7 +9,7 @@ from typing import Any
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.conclusion import Conclusion, Evidence, conclude
-from vsnbench.statistics.multiple import holm
+from vsnbench.statistics.multiple import holm, simultaneous
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
@@ -81,7 +81,7 @@ class Primary:
 
 
 _Value = Callable[[StudyTrialProgress], float | None]
-THESE = "these cells only: the starting positions, goals and repetitions of this plan"
+THESE = "the trials of this plan only, with the chance in their outcomes, and not about the models"
 LIKE_THESE = "cells like these: a population of which the plan's starting positions and goals are a sample"
 
 
@@ -153,7 +153,7 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Prima
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = list(combinations(study.arms, 2))
-    found = [_compared(study, shared, pair, 1 - study.alpha / len(pairs)) for pair in pairs]
+    found = [_compared(study, shared, pair, simultaneous(len(pairs), study.alpha)) for pair in pairs]
     adjusted = holm([compared_pair.p for compared_pair in found])
     answers = [
         _of_pair(study, pair, replace(compared_pair, p=p), complete=complete)

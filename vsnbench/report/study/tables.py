@@ -10,7 +10,9 @@ from vsnbench.report.study.primary import Answer
 from vsnbench.report.tables.report_table import UNKNOWN, Cell, Column, ReportTable, Row, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.results.studies.entries import StudyTrialProgress
+from vsnbench.statistics.clustered import MIN_UNITS
 from vsnbench.statistics.drift import Trend, trend
+from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate
 from vsnbench.text.sanitize import counted
 from vsnbench.values.goal import GoalKind
@@ -43,10 +45,13 @@ def _primary(found: StudyFindings) -> ReportTable:
         f"{found.primary.method}. The inference is about {found.primary.about}.",
         f"Alpha {found.plan.alpha:g} over all pairs, margin {100 * found.plan.margin:g} points.",
     ]
+    if any(answer.cells and not Interval(answer.low, answer.high).known for answer in found.primary.answers):
+        notes.append(f"An interval needs {MIN_UNITS} starting positions; no test of fewer can show a difference.")
     if found.primary.over:
         notes.append(f"The study is over: {found.primary.over}.")
     for arm, block in found.primary.dropped.items():
-        notes.append(f"{found.shown[arm]} was worse and dropped after {counted(block, found.primary.unit)}.")
+        behind = "behind in these trials" if found.plan.of_these_cells else "worse"
+        notes.append(f"{found.shown[arm]} was {behind} and dropped after {counted(block, found.primary.unit)}.")
     bounds = [found.shown[arm.name] for arm in found.recorded.arms if arm.surveyed and not found.recorded.is_blind]
     if bounds:
         notes.append(f"{', '.join(bounds)}: access to the site file, an upper bound and not a competitor.")
@@ -56,6 +61,7 @@ def _primary(found: StudyFindings) -> ReportTable:
 def _answer_row(found: StudyFindings, result: Answer) -> Row:
     shown = found.shown
     known = math.isfinite(result.difference)
+    has_interval = Interval(result.low, result.high).known
     if result.second is None:
         rate = found.plan.primary.rate if isinstance(found.plan.primary, Rate) else 0.5
         question = f"{shown[result.first]} against {rate:.0%}"
@@ -64,7 +70,7 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
     else:
         question = f"{shown[result.first]} – {shown[result.second]}"
         k = f"{result.successes[0]} : {result.successes[1]}"
-        better = "more progress" if result.means else "better"
+        better = "more progress" if result.means else "ahead" if found.plan.of_these_cells else "better"
         undecided = "counted only" if result.counted else "not shown"
         answer = f"{shown[result.winner]} {better}" if result.winner else undecided
     sign = "" if result.second is None else "+"
@@ -75,8 +81,8 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
         result.trials,
         k,
         f"{100 * result.difference:{sign}.1f}" if known else UNKNOWN,
-        f"[{100 * result.low:{sign}.1f}, {100 * result.high:{sign}.1f}]" if known else UNKNOWN,
-        Cell(_p(result.p), result.p if result.p is not None else -1.0),
+        f"[{100 * result.low:{sign}.1f}, {100 * result.high:{sign}.1f}]" if known and has_interval else UNKNOWN,
+        Cell(_p(result.p if has_interval else None), result.p if result.p is not None else -1.0),
     )
 
 

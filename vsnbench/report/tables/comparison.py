@@ -45,11 +45,16 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
             Column("A - B", note="difference in success rate, points; if paired, the mean over the cells"),
             Column(
                 "95 % interval",
-                note="Newcombe's interval of the difference, points; paired if the test is; unknown for two starts",
+                note="Newcombe's interval of the difference, points; paired if the test is; simultaneous for all "
+                "comparisons in Holm's correction; unknown for two starts",
             ),
             Column("cells", rank=2, note="combinations of goal and starting position"),
             Column("only A : only B", rank=4, note="matched episodes of which only one succeeded"),
-            Column("p", note="two-sided p-value of the test in the next column"),
+            Column(
+                "p",
+                note="two-sided p-value of the test in the next column; a test of starting positions tests whether the "
+                "models are equal at every position",
+            ),
             Column("test", number=False, rank=3),
             Column("Holm p", rank=1, note="p after Holm's correction for all comparisons"),
         ),

@@ -48,7 +48,7 @@ def _pairs(question: Question, number: int) -> ReportTable:
             Column("A k/n", rank=2),
             Column("B k/n", rank=2),
             Column("A - B", note="difference in success rate, points; if paired, the mean over the cells"),
-            Column("95 % interval", note="interval of the difference, points"),
+            Column("95 % interval", note="interval of the difference, points, simultaneous for all pairs"),
             Column("p", note="Holm-corrected for all pairs"),
             Column("finding", number=False),
         ),

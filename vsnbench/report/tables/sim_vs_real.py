@@ -20,6 +20,7 @@ from vsnbench.report.tables.report_table import (
 )
 from vsnbench.report.wording import listed
 from vsnbench.statistics.agreement import Agreement, RankCorrelation
+from vsnbench.statistics.bootstrap import MIN_CLUSTERS
 
 
 def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
@@ -77,8 +78,8 @@ def _real_row(pair: SimRealPair) -> Row:
 
 _POWERED = (
     "Prediction-powered inference (PPI++): the simulated rate of the cells without real trials, corrected by the "
-    "simulation error in the cells with real trials. Valid only if these cells were chosen independently of their "
-    "outcomes; not a primary result unless the study plan names it."
+    "simulation error in the cells with real trials. Valid only if these cells were drawn at random; convenient "
+    "starting positions bias it; not a primary result unless the study plan names it."
 )
 
 
@@ -102,7 +103,11 @@ def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
                 Column("same outcome %", rank=1, note="probability that a real and a simulated episode agree"),
                 Column("kappa", rank=2, note="Cohen's kappa: agreement beyond chance"),
                 Column("rank corr.", note="Spearman's rank correlation over the cells"),
-                Column("95 % interval", rank=3),
+                Column(
+                    "95 % interval",
+                    rank=3,
+                    note=f"jackknife over starting positions, unknown for fewer than {MIN_CLUSTERS}",
+                ),
                 Column("real SR %", rank=1, note="mean over the cells with real trials"),
                 Column("95 % interval", rank=1),
                 Column("PPI++ SR %", rank=1, note="prediction-powered success rate over all simulated cells"),

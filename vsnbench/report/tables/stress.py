@@ -106,7 +106,10 @@ def _notes(model: StressedModel) -> tuple[str, ...]:
     harms = [f"{number}. {_harm_text(harm)}" for number, harm in enumerate(model.most_harmful, start=1)]
     heading = "Largest mean losses over the severities:" if harms else "No disturbance has a mean loss."
     untouched = _untouched(model)
-    unchanged = f"Every trial has the same success and number of actions under {', '.join(untouched)}."
+    unchanged = (
+        f"Every trial has the same success and number of actions under {', '.join(untouched)}: the model may not see "
+        "it, so this is no evidence of robustness."
+    )
     shown = [*_shown(model, Conclusion.FIRST_BETTER, "loss"), *_shown(model, Conclusion.SECOND_BETTER, "gain")]
     return (*shown, heading, *harms, *([unchanged] if untouched else []))
 

@@ -16,7 +16,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.results.reading.rows import EpisodeDetails, EpisodeProvenance
 from vsnbench.results.schema.study_tables import Study, StudyArm
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Trial
-from vsnbench.values.step import StepRecord
+from vsnbench.values.step import StepRecord, StepTimings
 
 HIDDEN = "hidden while the study is blinded"
 """Replacement of texts that could identify a model."""
@@ -52,9 +52,19 @@ def blind_episodes(connection: Connection, numbers: Iterable[int]) -> frozenset[
 
 
 def hide_step(step: StepRecord) -> StepRecord:
-    """Return a step without the model's texts, diagnostics and timing."""
-    timings = replace(step.timings, infer_s=None)
-    return replace(step, raw_action=step.action.value, timings=timings, probabilities={}, details={})
+    """Return a step without the model's texts, diagnostics and timing.
+
+    The times of two steps and of the motion between them would give the inference time.
+    """
+    return replace(
+        step,
+        raw_action=step.action.value,
+        recorded_at=None,
+        stamp_s=None,
+        timings=StepTimings(),
+        probabilities={},
+        details={},
+    )
 
 
 def hide_details(details: EpisodeDetails) -> EpisodeDetails:
@@ -63,6 +73,7 @@ def hide_details(details: EpisodeDetails) -> EpisodeDetails:
         details,
         error=HIDDEN if details.error and details.ended_with in TELLING else details.error,
         wall_duration_s=None,
+        summary=replace(details.summary, ended_at=None),
         verdicts=tuple(
             replace(verdict, reason=verdict.end_reason) if verdict.end_reason in TELLING else verdict
             for verdict in details.verdicts

@@ -1,6 +1,6 @@
 """Reads the recorded data of a locked study for comparison with its lock and log."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,11 +8,12 @@ from sqlalchemy import Connection, Engine, select
 
 from vsnbench.results.goals import with_goals
 from vsnbench.results.reading.episode_numbers import missing_numbers
+from vsnbench.results.reading.identities import RowFault, identity_faults
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.results.schema.tables import Campaign, Episode, Site, Trial
+from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
 from vsnbench.results.studies.entries import LockedTrial
-from vsnbench.results.studies.log import LogEvent, events_of, verdicts_by_episode
+from vsnbench.results.studies.log import LogEvent, events_of, measured_by_episode, verdicts_by_episode
 from vsnbench.results.studies.writing import logged_entry
 from vsnbench.results.writing.lifecycle import ENDED
 
@@ -28,6 +29,8 @@ class EndedEpisode:
     repetition: int
     state: str
     verdicts: tuple[Mapping[str, Any], ...]
+    measured: Mapping[str, Any]
+    """What was measured, in the format of the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,8 @@ class StudyEvidence:
     missing_numbers: tuple[int, ...]
     """Episode numbers of the whole record that have no row and were not released."""
     site_content: Mapping[str, Any]
+    identity_faults: tuple[str, ...]
+    """Rows of the arms' campaigns, models, robot and site whose content does not have their hash."""
 
 
 def read_evidence(engine: Engine, study_id: int) -> StudyEvidence:
@@ -65,6 +70,7 @@ def read_evidence(engine: Engine, study_id: int) -> StudyEvidence:
             episodes=_episodes(connection, study_id),
             missing_numbers=missing_numbers(connection),
             site_content=_site_content(connection, study_id),
+            identity_faults=tuple(_identity_faults(connection, study_id)),
         )
 
 
@@ -91,10 +97,18 @@ def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisod
         .where(StudyArm.study_id == study_id, Episode.state.in_([state.value for state in ENDED]))
     )
     rows = connection.execute(ended).all()
-    verdicts = verdicts_by_episode(connection, select(ended.subquery().c.id))
+    numbers = select(ended.subquery().c.id)
+    verdicts, measured = verdicts_by_episode(connection, numbers), measured_by_episode(connection, numbers)
     return {
         row.uuid: EndedEpisode(
-            row.id, row.name, row.goal, row.start, row.repetition, row.state, tuple(verdicts.get(row.id, ()))
+            number=row.id,
+            arm=row.name,
+            goal=row.goal,
+            start=row.start,
+            repetition=row.repetition,
+            state=row.state,
+            verdicts=tuple(verdicts.get(row.id, ())),
+            measured=measured.get(row.id, {}),
         )
         for row in rows
     }
@@ -109,3 +123,15 @@ def _site_content(connection: Connection, study_id: int) -> Mapping[str, Any]:
         .order_by(StudyArm.code)
     ).all()
     return with_goals(connection, found[0][0], [campaign for _, campaign in found]) if found else {}
+
+
+def _identity_faults(connection: Connection, study_id: int) -> Iterator[str]:
+    campaigns = select(StudyArm.campaign_id).where(StudyArm.study_id == study_id)
+    for table, column in (
+        *((Campaign, Campaign.id), (Site, Campaign.site_id)),
+        *((Robot, Campaign.robot_id), (Model, Campaign.model_id)),
+    ):
+        numbers = select(column).where(Campaign.id.in_(campaigns))
+        for fault in identity_faults(connection, table, numbers):
+            if isinstance(fault, RowFault):
+                yield f"{fault.table} {fault.row}: {fault.column} {fault.text}"

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, insert, select, update
+from sqlalchemy import Connection, Select, func, insert, select, update
 
+from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEvent, StudyTrial
-from vsnbench.results.schema.tables import Episode, Trial, Verdict
+from vsnbench.results.schema.tables import Episode, Process, Session, Trial, Verdict
 
 ENTRY, OUTCOME = "entry", "outcome"
 """Kinds of events."""
@@ -23,6 +24,13 @@ VERDICT_COLUMNS = (
     *("goal_in_sight", "author", "source", "reason", "note"),
 )
 """Columns of a verdict in the log."""
+MEASURED_COLUMNS = (
+    *("started_at", "end_reason", "actions", "path_length_m", "geodesic_start_m", "geodesic_end_m"),
+    *("duration_s", "distance_to_goal_m"),
+)
+"""Columns of an episode in the log; none of them changes after the episode has ended."""
+OUTCOME_VERSION = 2
+"""Version of the content of an outcome. Version 1 had no `version` and no `measured`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +84,7 @@ def append_event(connection: Connection, study_id: int, kind: str, content: Mapp
 
 
 def log_outcome(connection: Connection, episode_id: int) -> None:
-    """Append the state and verdict of an episode to its study's log; without a study it does nothing.
+    """Append the state, verdict and measurements of an episode to its study's log; without a study it does nothing.
 
     Call it last in a transaction over several episodes, because it locks the study's row.
     """
@@ -95,6 +103,7 @@ def log_outcome(connection: Connection, episode_id: int) -> None:
         return
     verdicts = verdicts_by_episode(connection, [episode_id]).get(episode_id, ())
     content = {
+        "version": OUTCOME_VERSION,
         "episode": found.uuid,
         "arm": found.name,
         "goal": found.goal,
@@ -103,6 +112,7 @@ def log_outcome(connection: Connection, episode_id: int) -> None:
         "state": found.state,
         "verdicts": len(verdicts),
         "verdict": verdicts[-1] if verdicts else None,
+        "measured": measured_by_episode(connection, [episode_id])[episode_id],
     }
     append_event(connection, found.study_id, OUTCOME, content)
 
@@ -117,6 +127,29 @@ def verdicts_by_episode(
     for row in connection.execute(query).mappings():
         verdict = {**row, "created_at": row["created_at"].isoformat(timespec="microseconds")}
         found.setdefault(verdict.pop("episode_id"), []).append(verdict)
+    return found
+
+
+def measured_by_episode(
+    connection: Connection, episodes: Sequence[int] | Select[int]
+) -> Mapping[int, Mapping[str, Any]]:
+    """Return what was measured of each episode, by its number, in the format of the log.
+
+    These are `MEASURED_COLUMNS`, the progress and the operator.
+    """
+    columns = [getattr(Episode, name) for name in MEASURED_COLUMNS]
+    query = (
+        select(Episode.id, func.coalesce(Session.operator, Process.operator).label("operator"), *columns)
+        .join(Process, Process.id == Episode.process_id)
+        .outerjoin(Session, Session.id == Episode.session_id)
+        .where(Episode.id.in_(episodes))
+    )
+    found: dict[int, Mapping[str, Any]] = {}
+    for row in connection.execute(query).mappings():
+        measured = {name: value for name, value in row.items() if name != "id"}
+        measured["started_at"] = row["started_at"].isoformat(timespec="microseconds")
+        measured["progress"] = known_progress(row["geodesic_start_m"], row["geodesic_end_m"])
+        found[row["id"]] = measured
     return found
 
 

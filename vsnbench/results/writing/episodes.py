@@ -260,7 +260,13 @@ _MINE = update(Episode).where(
 
 
 def end_episode(connection: Connection, process_id: int, episode_id: int, end: EpisodeEnd) -> None:
-    """Write an episode's end within a transaction; see `Journal.end_episode`."""
+    """Write an episode's end within a transaction, also to its study's log; see `Journal.end_episode`."""
+    write_end(connection, process_id, episode_id, end)
+    log_outcome(connection, episode_id)
+
+
+def write_end(connection: Connection, process_id: int, episode_id: int, end: EpisodeEnd) -> None:
+    """Write an episode's end within a transaction; `log_outcome` must follow in it."""
     verdict = end.verdict
     if verdict is None:
         state = EpisodeState.AWAITING
@@ -274,4 +280,3 @@ def end_episode(connection: Connection, process_id: int, episode_id: int, end: E
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
         connection.execute(insert(VerdictTable), row)
-    log_outcome(connection, episode_id)

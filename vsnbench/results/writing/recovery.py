@@ -7,16 +7,17 @@ import textwrap
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, Select, func, insert, inspect, select, update
+from sqlalchemy import Connection, Engine, Row, Select, func, insert, inspect, select, update
 
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import columns_of_fields, event_row, verdict_row
 from vsnbench.results.schema.tables import Episode, Event, Process, Session, Step, Trial
 from vsnbench.results.schema.tables import Verdict as VerdictTable
 from vsnbench.results.writing.entries import RecoveredEpisode
 from vsnbench.results.writing.episodes import NOT_STARTED, release
 from vsnbench.results.writing.lifecycle import ACTIVE, LEASE, EpisodeState, moment
-from vsnbench.results.writing.provenance import ProcessIdentity
+from vsnbench.results.writing.provenance import ProcessIdentity, this_process
 from vsnbench.text.sanitize import sanitize
 
 
@@ -25,6 +26,16 @@ def orphaned_episodes(connection: Connection, here: ProcessIdentity) -> list[Row
     rows = connection.execute(_open_episodes()).all()
     now = moment(connection) if rows else None
     return [row for row in rows if now is not None and _is_dead(row, here, connection.dialect.name, now)]
+
+
+def lost_episodes(engine: Engine) -> frozenset[int]:
+    """Return the numbers of the open episodes whose process is dead; the next writer closes them.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    with transaction(reading(engine)) as connection:
+        return frozenset(row.id for row in orphaned_episodes(connection, this_process()))
 
 
 def orphaned_sessions(connection: Connection, here: ProcessIdentity) -> list[int]:

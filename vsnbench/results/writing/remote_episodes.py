@@ -8,8 +8,9 @@ from sqlalchemy import Connection, insert, select, update
 
 from vsnbench.results.schema.row_encoding import columns_of_fields, insert_row, process_row, text
 from vsnbench.results.schema.tables import Episode, Event, Process, Step
+from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
-from vsnbench.results.writing.episodes import end_episode
+from vsnbench.results.writing.episodes import write_end
 from vsnbench.results.writing.provenance import ProcessIdentity, Provenance
 from vsnbench.results.writing.steps import step_row
 from vsnbench.values.fix import Fix
@@ -53,9 +54,10 @@ def store_bundle(connection: Connection, process_id: int, episode_id: int, seale
                 for event in sealed.events
             ],
         )
-    end_episode(connection, process_id, episode_id, sealed.end)
+    write_end(connection, process_id, episode_id, sealed.end)
     ran_on = _process_of(connection, sealed.ran_on)
     connection.execute(update(Episode).where(Episode.id == episode_id).values(process_id=ran_on))
+    log_outcome(connection, episode_id)  # with the operator of the process that ran it
 
 
 def _process_of(connection: Connection, ran_on: Provenance) -> int:

@@ -17,6 +17,7 @@ from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
@@ -50,8 +51,12 @@ class MovementRunner:
         self._checked_s = 0.0
         self._listening_since_s = 0.0
         self._still = Stillness()
+        self._began_s = 0.0
+        self._movement: Drive | None = None
         self._path_m = 0.0
         self._last_pose = Pose(0.0, 0.0)
+        self.before: Pose | None = None
+        """Odometry at the begin of the movement after the last observation; None before it begins."""
 
     def begin(self, now: RobotSnapshot) -> None:
         """Start an episode with the odometry of a snapshot as its origin."""
@@ -77,10 +82,11 @@ class MovementRunner:
             looks: checks the way ahead while the robot drives.
         """
         before = self.relative(self.fresh())
-        began_s, self._requested_s = self._link.now_s, time.monotonic()
+        self._began_s, self._requested_s = self._link.now_s, time.monotonic()
         self._checked_s = self._listening_since_s = self._requested_s
         failure, blocked, sensor_lost, answered = "", "", False, False
-        self._moving, self._path_m, self._last_pose = True, 0.0, before
+        self._moving, self._path_m, self.before, self._last_pose = True, 0.0, before, before
+        self._movement = requested.movement if isinstance(requested, RequestedDrive) else None
         self._link.release()
         watch = MovementWatch(self._link.names, requested, self.origin, before, self._requested_s)
         try:
@@ -112,23 +118,41 @@ class MovementRunner:
         collision = self._collision()
         if not failure and not blocked and (contradiction := requested.contradiction(before, after)):
             failure = f"discrete_move answered True to {name}, but {contradiction}"
-        path_m, movement = None, None
-        if isinstance(requested, RequestedDrive):
-            movement = requested.movement
-            path_m = self._path_m + self._last_pose.distance_to(after)
         return MotionResult(
             completed=not failure and not blocked and collision is None,
-            displacement_m=displacement_m(before, after, movement),
+            displacement_m=displacement_m(before, after, self._movement),
             turn_rad=after.heading_rad - before.heading_rad,
-            duration_s=self._link.now_s - began_s,
+            duration_s=self._link.now_s - self._began_s,
             collision=collision,
             failure=failure,
             corrections=outcome.corrections if outcome else 0,
             pose=after,
-            path_m=path_m,
+            path_m=self._driven_m(after),
             blocked="" if failure else blocked,
             sensor_lost=sensor_lost,
         )
+
+    def interrupted(self) -> MotionResult | None:
+        """Return the motion since `before`, which an exception ended; None if it did not begin. Called after `halt`.
+
+        Raises:
+            SensorLostError: the odometry is old.
+        """
+        if self.before is None:
+            return None
+        after = self.relative(self.fresh())
+        return MotionResult(
+            completed=False,
+            displacement_m=displacement_m(self.before, after, self._movement),
+            turn_rad=after.heading_rad - self.before.heading_rad,
+            duration_s=self._link.now_s - self._began_s,
+            pose=after,
+            path_m=self._driven_m(after),
+        )
+
+    def _driven_m(self, after: Pose) -> float | None:
+        """Return the length of a movement with parameters; None for a discrete one."""
+        return self._path_m + self._last_pose.distance_to(after) if self._movement is not None else None
 
     def halt(self) -> None:
         """Command zero velocity, and hold it while a movement may be running."""

@@ -160,6 +160,7 @@ class RosRobot(Robot):
         """
         self._require_begun()
         movements = self.movements
+        movements.before = None
         return self._camera.capture(movements.end, lambda: movements.relative(movements.fresh()))
 
     def execute(self, action: Action) -> MotionResult:
@@ -184,6 +185,10 @@ class RosRobot(Robot):
         looks = PathLooks(self._camera, check) if self._link.names.depth else None
         requested = RequestedDrive(movement, self._settings)
         return self.movements.run(requested, name, lambda watch: self._link.drive(movement, limit_s, watch), looks)
+
+    def interrupted_motion(self) -> MotionResult | None:
+        """Return the odometry's motion since the movement after the last observation began."""
+        return self.movements.interrupted()
 
     def locate(self) -> Fix:
         """Return the pose of the simulator, or the start composed with the odometry."""

@@ -97,9 +97,9 @@ def run_episode(
 ) -> EpisodeOutcome:
     """Run one episode to its end, record each step, and judge it.
 
-    The robot is halted on every exit. A RecordError ends the episode at once, because no robot may drive unrecorded.
-    An attempt that cannot begin is void, with its reason. A request to end the episode makes it aborted, and the
-    session continues.
+    The robot is halted on every exit, and a motion that a request to stop interrupts is a step as well. A RecordError
+    ends the episode at once, because no robot may drive unrecorded. An attempt that cannot begin is void, with its
+    reason. A request to end the episode makes it aborted, and the session continues.
 
     Raises:
         Stopped: a request to end the session. The episode is recorded as aborted or interrupted, or not at all if it
@@ -112,6 +112,7 @@ def run_episode(
     recording = False
     battery = ""
     stopped: Stopped | None = None
+    stepper: Stepper | None = None
     error = ""
     try:
         get_ready(robot.identity.profile.camera, robot.identity.profile.base, plan.parameters.depth_guard)
@@ -125,10 +126,9 @@ def run_episode(
             task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
         reason: EndReason | None = None
-        stepper = Stepper(robot, calls, view, plan, here)
+        stepper = Stepper(robot, calls, view, plan, here, stop)
         while reason is None:
-            with stop.interruptible():
-                step, reason = stepper.take(spent, here)
+            step, reason = stepper.take(spent, here)
             recorder.step(step)
             spent, here = step.spent, step.after
             operator.step_taken(plan, step)
@@ -152,6 +152,9 @@ def run_episode(
         reason, error = EndReason.MOTION_FAILED, str(failure)
     finally:
         robot.halt()
+    if stepper is not None and (cut := stepper.interrupted) is not None:
+        recorder.step(cut)
+        spent = cut.spent
     ends_session = stopped is not None and stopped.request.ends is Ends.SESSION
     if not recording:
         if stopped is not None and ends_session:

@@ -1,9 +1,11 @@
 """One step of an episode: observe, decide, guard, execute."""
 
+import math
 import time
 from collections import deque
 from dataclasses import dataclass, replace
 
+from vsnbench.errors import RobotError
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, end_after
@@ -16,6 +18,7 @@ from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.policy_calls import PolicyCalls
+from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
@@ -74,7 +77,13 @@ class Stepper:
     the chunk is dropped, and the model decides again.
     """
 
-    def __init__(self, robot: Robot, calls: PolicyCalls, view: PolicyView, plan: EpisodePlan, start: Fix) -> None:
+    def __init__(
+        self, robot: Robot, calls: PolicyCalls, view: PolicyView, plan: EpisodePlan, start: Fix, stop: StopRequests
+    ) -> None:
+        self.interrupted: Step | None = None
+        """The step whose motion a request to stop has interrupted."""
+        self._stop = stop
+        self._moves = False
         self._robot = robot
         self._view = view
         self._calls = calls
@@ -89,22 +98,35 @@ class Stepper:
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
-        """Take a step from a pose in the site; return it, and the reason of the episode's end if it is the last."""
-        t0 = time.perf_counter()
-        observation = self._robot.observe()
-        self.watch.look(observation)
-        seen = self._view.of(observation)
-        t1 = time.perf_counter()
-        delay_s = 0.0 if self._parts else self._view.latency_s
-        decision, part = self._decide(seen, budget_left(spent, self._plan.parameters))
-        if delay_s and not self._robot.identity.simulated:
-            time.sleep(delay_s)
-        t2 = time.perf_counter()
-        guard, result, refusal = self._execute(decision, observation, seen)
-        after = before
-        if result is not None and decision.action is not Action.NOOP:
-            self.watch.moved(result)
-            after = self._robot.locate()
+        """Take a step from a pose in the site; return it, and the reason of the episode's end if it is the last.
+
+        Raises:
+            Stopped: a request to stop. `interrupted` is the step whose motion it ended, halfway, if there is one.
+        """
+        with self._stop.interruptible():
+            t0 = time.perf_counter()
+            observation = self._robot.observe()
+            self.watch.look(observation)
+            seen = self._view.of(observation)
+            t1 = time.perf_counter()
+            delay_s = 0.0 if self._parts else self._view.latency_s
+            decision, part = self._decide(seen, budget_left(spent, self._plan.parameters))
+            if delay_s and not self._robot.identity.simulated:
+                time.sleep(delay_s)
+            t2 = time.perf_counter()
+        self._moves, ended = False, None  # from here on, no request may lose a motion that has begun
+        try:
+            with self._stop.interruptible():
+                guard, result, refusal = self._execute(decision, observation, seen)
+                after = before
+                if result is not None and decision.action is not Action.NOOP:
+                    self.watch.moved(result)
+                    after = self._robot.locate()
+        except Stopped as stopped:
+            motion = self._interrupted_motion(stopped, before, t2) if self._moves else None
+            if motion is None:
+                raise
+            (result, after), guard, refusal, ended = motion, None, "", stopped
         if refusal:
             self._parts.clear()
         timings = StepTimings(t1 - t0, t2 - t1, time.perf_counter() - t2)
@@ -115,7 +137,24 @@ class Stepper:
             path_m=path_m if result is None or result.path_m is None else max(path_m, result.path_m),
         )
         step = Step(spent.actions, observation, decision, guard, result, before, after, timings, spent, part, refusal)
+        if ended is not None:
+            self.interrupted = step
+            raise ended
         return step, end_after(spent, decision.action, result, self._plan.parameters)
+
+    def _interrupted_motion(self, stopped: Stopped, before: Fix, began_s: float) -> tuple[MotionResult, Fix] | None:
+        """Halt the robot, and return its motion so far and its pose; None if there is none, or if it is not known."""
+        self._robot.halt()
+        try:
+            result, after = self._robot.interrupted_motion(), self._robot.locate()
+        except RobotError:
+            return None
+        if result is None and after.pose == before.pose:
+            return None
+        if result is None:
+            unknown, duration_s = math.nan, time.perf_counter() - began_s
+            result = MotionResult(False, displacement_m=unknown, turn_rad=unknown, duration_s=duration_s)
+        return replace(result, failure=stopped.request.description), after
 
     def _decide(self, observation: Observation, budget: Budget) -> tuple[Decision, tuple[int, int] | None]:
         """Return the next part of the running chunk, or ask the model."""
@@ -146,6 +185,7 @@ class Stepper:
                 guard = look_ahead(observation, self._base, self._guard)
                 if guard.blocked:
                     return guard, None, guard.text
+            self._moves = decision.action.moves
             return guard, self._robot.execute(decision.action), ""
         movement = decision.movement
         if isinstance(movement, Pixel):
@@ -154,5 +194,6 @@ class Stepper:
                 return None, None, "the pixel has no depth"
             movement = waypoint
         check = PathGuard(self._robot.identity.profile, self._plan.parameters)
+        self._moves = True
         result = self._robot.drive(movement, check)
         return check.last if result.blocked else None, result, result.blocked

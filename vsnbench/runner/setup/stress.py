@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from vsnbench.errors import UsageError
 from vsnbench.protocol.disturbances import NONE, SEVERITIES, STANDARD_SET, Disturbances, known_kind
 from vsnbench.robots.registry import is_simulated
+from vsnbench.statistics.power import least_p, min_starts
+from vsnbench.text.sanitize import counted
 
 DEFAULT_SEVERITIES = (1, 3, 5)
 
@@ -21,6 +23,24 @@ def check_robot(robot: str) -> None:
             advice="measure single conditions with `vsnbench run --disturb`",
             code="real-robot",
         )
+
+
+def weakness_of(starts: int, disturbances: int, alpha: float = 0.05) -> str:
+    """Return why a stress test can show no loss whatever its results are; empty if it can.
+
+    Args:
+        starts: number of starting positions, the independent units of its test.
+        disturbances: number of disturbed conditions, over which the p-values are corrected.
+        alpha: largest p-value that shows a loss.
+    """
+    corrected = min(1.0, least_p(starts) * disturbances)
+    if corrected <= alpha:
+        return ""
+    return (
+        f"this stress test can show no loss: with {counted(starts, 'starting position')} the smallest possible p-value "
+        f"is {least_p(starts):.2g}, after correction for {counted(disturbances, 'condition')} {corrected:.2g}; use at "
+        f"least {min_starts(alpha / disturbances)} positions, or fewer disturbances and severities"
+    )
 
 
 def conditions_of(names: Sequence[str], severities: Sequence[int]) -> tuple[Disturbances, ...]:

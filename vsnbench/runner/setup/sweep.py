@@ -43,6 +43,8 @@ class PlannedCampaign:
     """Maximum number of trials."""
     site_name: str
     """Name of its site in the results."""
+    starts: int = 0
+    """Number of starting positions."""
 
 
 Sweep = tuple[PlannedCampaign, ...]
@@ -110,7 +112,7 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
         may_lack_goals = is_generated and len(sites) > 1
         goals, starts = _max_goals(request.goals, site, generated=may_lack_goals), choose_starts(request.starts, site)
         here = replace(request, site=place, skips_absent_goals=may_lack_goals)
-        at_site[place] = PlannedCampaign(here, goals * len(starts) * request.repetitions, name)
+        at_site[place] = PlannedCampaign(here, goals * len(starts) * request.repetitions, name, len(starts))
     return tuple(
         replace(at_site[place], request=replace(at_site[place].request, model=model, seed=seed))
         for seed in seeds

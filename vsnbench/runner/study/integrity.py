@@ -16,7 +16,7 @@ from vsnbench.sites.site import Site
 from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import LockNote, sha256_of
 from vsnbench.study.schedule import Schedule, ScheduledTrial, schedules_of
-from vsnbench.text.sanitize import sanitize
+from vsnbench.text.sanitize import counted, sanitize
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,12 @@ def check_integrity(
     `plan` is the plan in the record, and `note` the file that `study lock` wrote, None where there is none.
     """
     check = _Check(recorded, evidence, plan, note)
-    differences = (*check.plan_differences(), *check.schedule_differences(), *check.log_differences())
+    differences = (
+        *check.plan_differences(),
+        *check.schedule_differences(),
+        *check.log_differences(),
+        *evidence.identity_faults,
+    )
     return StudyIntegrity(tuple(dict.fromkeys(differences)), tuple(check.remarks()))
 
 
@@ -50,7 +55,9 @@ _OUTCOME_FIELDS = {
     "state": str,
     "verdicts": int,
     "verdict": dict | None,
+    "measured": dict,
 }
+"""Types of the fields of an outcome; `measured` is absent in version 1."""
 
 
 class _Check:
@@ -137,7 +144,7 @@ class _Check:
             elif now[name][0] != code:
                 yield f"the code of an arm was {code} and is {now[name][0]}"
             elif now[name][1] != key:
-                yield f"arm {code} was another campaign when it was locked"
+                yield f"arm {code} was another campaign (model, robot, site, protocol) when it was locked"
 
     def _against_the_draw(
         self, drawn: Schedule, rows: Sequence[LockedTrial], codes: Mapping[str, str]
@@ -216,6 +223,7 @@ class _Check:
             yield f"{name} ({self._trial(where)}) was {latest[-1]['state']} and is {now.state}"
         if len(now.verdicts) != most:
             yield f"{name} ({self._trial(where)}) had {most} verdicts and has {len(now.verdicts)}"
+        yield from self._measured_differences(f"{name} ({self._trial(where)})", logged, now.measured)
         for outcome in logged:
             place, was = outcome["verdicts"], outcome["verdict"]
             if was is not None and 0 < place <= len(now.verdicts) and dict(now.verdicts[place - 1]) != was:
@@ -226,10 +234,29 @@ class _Check:
                     f"(changed: {fields})"
                 )
 
+    @staticmethod
+    def _measured_differences(name: str, logged: Sequence[Mapping[str, Any]], now: Mapping[str, Any]) -> Iterator[str]:
+        """Compare what was measured; it does not change after the end of an episode."""
+        for outcome in logged:
+            was = outcome.get("measured", {})
+            changed = [
+                f"{field} was {_value(value)} and is {_value(now.get(field))}"
+                for field, value in was.items()
+                if now.get(field) != value
+            ]
+            if changed:
+                yield f"{name}: {', '.join(changed)}"
+
     def remarks(self) -> Iterator[str]:
         if not self.logged_from_start:
             first = f" before {self.evidence.log[0].created_at:%Y-%m-%d %H:%M} UTC" if self.evidence.log else ""
             yield f"locked by an older version: no event chain{first}, so a changed verdict cannot be noticed"
+        without = sum(not any("measured" in outcome for outcome in logged) for logged in self.outcomes.values())
+        if without:
+            yield (
+                f"{counted(without, 'episode')} logged by an older version without lengths and progress, so a change "
+                "of these cannot be noticed"
+            )
         if self.evidence.missing_numbers:
             missing = self.evidence.missing_numbers
             which = "episode {} of this record is" if len(missing) == 1 else "episodes {} of this record are"
@@ -249,9 +276,12 @@ def _content(event: LogEvent) -> Mapping[str, Any]:
 
 def _is_outcome(content: Mapping[str, Any]) -> bool:
     """Return whether the content of an event is that of an episode's outcome; the log is of unknown origin."""
-    return content.keys() >= _OUTCOME_FIELDS.keys() and all(
-        isinstance(content[name], kind) for name, kind in _OUTCOME_FIELDS.items()
-    )
+    needed = {name: kind for name, kind in _OUTCOME_FIELDS.items() if name in content or name != "measured"}
+    return content.keys() >= needed.keys() and all(isinstance(content[name], kind) for name, kind in needed.items())
+
+
+def _value(value: object) -> str:
+    return sanitize(f"{value:.6g}" if isinstance(value, float) else "nothing" if value is None else str(value))
 
 
 def _entry(entry: Mapping[str, Any]) -> str:

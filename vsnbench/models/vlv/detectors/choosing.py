@@ -1,6 +1,7 @@
 """Opens the detector of the settings; `auto` chooses by the available files."""
 
 import logging
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -56,14 +57,20 @@ def _resolved(settings: VLVSettings) -> DetectorKind:
         return DetectorKind.MASK_RCNN
     if (weights_directory() / ONNX_FILE).is_file():
         return DetectorKind.ONNX
+    _warn_without_weights(weights_directory())
+    return DetectorKind.SIMULATED
+
+
+@cache
+def _warn_without_weights(directory: Path) -> None:
+    """Say once in a process that no detector has weights; a sweep opens a model for every condition."""
     logger.warning(
         "no weights of a detector (%s or %s in %s): the simulator's labels are used, which only simulated robots have; "
         "`vsnbench models fetch coco-detector` gets a detector",
         MASK_RCNN_FILE,
         ONNX_FILE,
-        weights_directory(),
+        directory,
     )
-    return DetectorKind.SIMULATED
 
 
 def _file(given: Path | None, name: str) -> Path:

@@ -31,6 +31,8 @@ class Value(ABC):
     """Hash of its weights; empty without weights."""
     device: str = "cpu"
     """Device of its network, such as `cpu` or `cuda`."""
+    reads_images: bool = True
+    """Whether its values depend on the image."""
 
     @abstractmethod
     def of(self, rgb: npt.NDArray[np.uint8], name: str) -> float:
@@ -41,6 +43,7 @@ class NoValue(Value):
     """The original's `detector` mode: every view has the same value."""
 
     sha256 = ""
+    reads_images = False
 
     def __init__(self, label: str = WITHOUT) -> None:
         self.label = label

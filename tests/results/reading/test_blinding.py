@@ -1,0 +1,25 @@
+"""What a query returns of an episode of a blinded study."""
+
+from pathlib import Path
+
+from tests.results.studies_of_a_lab import apply_merge, lock
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.reading.queries import episode_details, episode_steps
+from vsnbench.results.writing.journal import Journal
+
+
+def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(tmp_path: Path) -> None:
+    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+        study = lock(journal)
+        apply_merge(journal, study, range(1))
+        details, steps = episode_details(journal.engine, 1), episode_steps(journal.engine, 1)
+        assert (details.summary.ended_at, details.wall_duration_s) == (None, None)
+        assert len(steps) == 1
+        for step in steps:
+            assert (step.recorded_at, step.stamp_s) == (None, None)
+            assert (step.timings.sense_s, step.timings.infer_s, step.timings.move_s) == (None, None, None)
+            assert step.result is not None
+            assert step.result.duration_s == 1.5, "of the movement alone"
+        journal.unblind_study(study.id, reason="over")
+        assert episode_details(journal.engine, 1).summary.ended_at is not None
+        assert all(step.recorded_at is not None for step in episode_steps(journal.engine, 1))
