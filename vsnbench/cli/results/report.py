@@ -86,7 +86,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report --all-tables                 seeds, failures, starts ...
         vsnbench report --output report/             page, tables, figures
         vsnbench report --serve                      the page in a browser
-        vsnbench report --website site/              files for a web server
+        vsnbench report --website site/              files for a browser or a web server
         vsnbench report --only-reference             the paper's own tables
 
     Void attempts (failed motion, lost sensor, model error, aborted,

@@ -1,8 +1,5 @@
 // One episode, or two of one trial side by side, step by step.
 
-import { MARKS, load, make, metres, post, resultText, session } from "./data.js";
-import { Plan } from "./plan.js";
-
 const PLAY_MS = 250;
 const PRELOADED = 6;
 const SCORES = 6;
@@ -64,7 +61,7 @@ class Player {
   }
 }
 
-export class EpisodePage {
+class EpisodePage {
   constructor(numbers, rows, onAnnotated) {
     this.numbers = numbers;
     this.rows = rows;
@@ -129,16 +126,16 @@ export class EpisodePage {
       `${MARKS[row.outcome]} ${row.model} #${row.id}`));
     const video = make("a", { class: "chip", id: "video", href: `video/${this.numbers.join("-")}.mp4`, download: "" }, "Video");
     return make("nav", { class: "links", "aria-label": "episode" }, make("a", { class: "chip", href: "#/" }, "← results"),
-      this.episodes.every((episode) => episode.row.has_images) && !(session.is_static && this.numbers.length > 1) ? video : "",
+      this.episodes.every((episode) => episode.row.has_images) && !(isStatic && this.numbers.length > 1) ? video : "",
       ...(others.length ? [make("span", { class: "dim small" }, "next to"), ...others] : []));
   }
 
   facts(episode) {
     const { row } = episode;
-    const tags = make("p", { class: "chips" }, ...row.tags.map((tag) => session.is_static
+    const tags = make("p", { class: "chips" }, ...row.tags.map((tag) => isStatic
       ? make("span", { class: "chip" }, tag)
       : make("button", { class: "chip", "aria-label": `remove tag ${tag}`, onclick: () => this.annotate(row, { removed_tags: [tag] }) }, `${tag} ×`)));
-    const forms = session.is_static ? [] : [
+    const forms = isStatic ? [] : [
       this.form(row, "tag", "Add a tag", (text) => ({ tags: text.split(",") })),
       this.form(row, "note", "Add a note", (text) => ({ note: text })),
     ];

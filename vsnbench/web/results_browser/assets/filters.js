@@ -1,8 +1,6 @@
 // The filters above the results. Their values are in the address, so that a view can be pasted.
 
-import { make } from "./data.js";
-
-export const NAMES = ["model", "goal", "start", "outcome", "end_reason", "failure", "tag", "site", "nearest", "differ"];
+const NAMES = ["model", "goal", "start", "outcome", "end_reason", "failure", "tag", "site", "nearest", "differ"];
 const LABELS = {
   model: "Model", goal: "Goal", start: "Start", outcome: "Outcome", end_reason: "Ended with", failure: "Failure", tag: "Tag", site: "Site",
   nearest: "Ended within", differ: "Models disagree",
@@ -28,7 +26,7 @@ function choices(rows, name) {
   }
 }
 
-export function filterBar(rows, chosen, onChange) {
+function filterBar(rows, chosen, onChange) {
   const fields = NAMES.map((name) => {
     const options = choices(rows, name);
     if (options.length < 2 && !chosen[name] && name !== "tag") return null;
@@ -47,7 +45,7 @@ export function filterBar(rows, chosen, onChange) {
   return make("form", { class: "filters", id: "filters", role: "search", "aria-label": "filters" }, ...fields, clear);
 }
 
-export function matching(rows, chosen) {
+function matching(rows, chosen) {
   const simple = ["model", "goal", "outcome", "end_reason", "failure", "site"].filter((name) => chosen[name]);
   const nearest = chosen.nearest ? Number(chosen.nearest) : null;
   return rows.filter((row) =>
@@ -57,10 +55,10 @@ export function matching(rows, chosen) {
     && (nearest === null || (row.distance_m !== null && row.distance_m <= nearest)));
 }
 
-export const trialOf = (row) => JSON.stringify([row.site, row.goal, row.start, row.repetition]);
+const trialOf = (row) => JSON.stringify([row.site, row.goal, row.start, row.repetition]);
 
 // Pairs of counted episodes of one trial in which the first model failed and the second succeeded.
-export function disagreements(rows, chosen) {
+function disagreements(rows, chosen) {
   const [first, second] = (chosen.differ ?? "").replace(/ succeeded$/, "").split(" failed, ");
   const others = new Map();
   for (const row of rows) {

@@ -1,10 +1,8 @@
 // The grid of trials: goals by starting positions, a table for each model.
 
-import { MARKS, make, resultText } from "./data.js";
-
 const MOST_MARKS = 3;
 
-export function gridOf(rows, addressOf) {
+function gridOf(rows, addressOf) {
   const models = [...new Set(rows.map((row) => row.model))].sort();
   const starts = [...new Set(rows.map((row) => row.start))].sort((a, b) => a - b);
   const tables = models.map((model) => {

@@ -1,7 +1,5 @@
 // The list of episodes. Only the visible rows are in the document, so that ten thousand scroll.
 
-import { MARKS, make, metres, resultText } from "./data.js";
-
 const cells = (row) => [
   ["id", `#${row.id}`],
   ["model", row.model],
@@ -27,7 +25,7 @@ const pairCells = ([a, b]) => [
 const HEADINGS = ["episode", "model", "goal", "start", "result", "actions", "to goal", "tags", "began (UTC)"];
 const PAIR_HEADINGS = ["episodes", "models", "goal", "start", "first", "second", "tags"];
 
-export class EpisodeList {
+class EpisodeList {
   // `items` are rows, or pairs of rows; `link` gives the address of one.
   constructor(items, link, isPairs) {
     this.items = items;
