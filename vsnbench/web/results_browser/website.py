@@ -40,7 +40,7 @@ _IMAGE_WIDTH_PX = 480
 _JPEG_QUALITY = 80
 _OWN_FILES = "'self' file:"  # the second for a website that is opened as files
 _POLICY = (
-    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; "
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
     f"script-src {_OWN_FILES}; style-src {_OWN_FILES}; img-src {_OWN_FILES}; base-uri 'none'; form-action 'none'\">"
 )
 Progress = Callable[[str, int, int], object]
