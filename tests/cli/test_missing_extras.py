@@ -27,9 +27,9 @@ MISSING = [
     ("viewer", "rerun,rerun_bindings,rerun_cli", "view 1"),
     ("neural", "torch", "models check vlv --weights none.torch"),
     ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://user@127.0.0.1/none"),
-    ("bags", "rosbags", "export bag 1 episode.bag"),
+    ("bags", "rosbags", "export bag 1 -o episode.bag"),
     ("video", "av", "export video 1"),
-    ("lerobot", "pyarrow", "export lerobot dataset"),
+    ("lerobot", "pyarrow", "export lerobot -o dataset"),
     ("ray", "ray", "run --model random --goal chair --workers ray://127.0.0.1:10001"),
     ("ros2", "rclpy,rpyutils", "robots simulate turtlebot4"),
 ]

@@ -114,11 +114,13 @@ def test_what_does_not_exist_is_said_in_a_line(lab: Lab, tmp_path: Path) -> None
     assert isinstance(unknown.exception, UsageError)
     assert isinstance(vsnbench("report", "--format", "pdf").exception, UsageError)
     assert isinstance(vsnbench("compare", "vlv", "unknown", "--results", lab.directory).exception, UsageError)
-    assert isinstance(vsnbench("export", "tum", tmp_path, 99, "--results", lab.directory).exception, UsageError)
+    assert isinstance(vsnbench("export", "tum", 99, "-o", tmp_path, "--results", lab.directory).exception, UsageError)
 
 
 def test_what_is_exported_can_be_imported(lab: Lab, tmp_path: Path) -> None:
-    assert vsnbench("export", "habitat", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
+    assert (
+        vsnbench("export", "habitat", "-o", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
+    )
     file, other = tmp_path / "h" / "episode_results.json", tmp_path / "other"
     under = ("--max-steps", 500, "--success-distance", 1)
     outcome = vsnbench("import", "habitat", file, "--model", "vlv", "--site", "hm3d", *under, "--results", other)
