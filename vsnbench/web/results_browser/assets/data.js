@@ -41,9 +41,14 @@ async function post(path, content) {
   return said;
 }
 
-// Rows as objects, with the position of each.
+// Rows as objects.
 function objects(listed) {
-  return listed.rows.map((row) => Object.fromEntries(listed.columns.map((name, i) => [name, row[i]])));
+  return listed.rows.map((row) => titled(Object.fromEntries(listed.columns.map((name, i) => [name, row[i]]))));
+}
+
+// Adds the model's name with the disturbances of what it saw: another condition of the same model.
+function titled(row) {
+  return { ...row, condition: row.disturbances ? `${row.model} with ${row.disturbances}` : row.model };
 }
 
 // Creates an element. Text is never parsed as HTML, because names in a record are not trusted.

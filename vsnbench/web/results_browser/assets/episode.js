@@ -16,7 +16,7 @@ class Player {
     this.banner = make("p", { class: "banner" });
     const { row } = episode;
     this.element = make("article", { class: "player", "aria-label": `episode ${row.id}` },
-      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), ` ${row.model} `,
+      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), ` ${row.condition} `,
         make("span", { class: "dim small" }, `${row.goal} from start ${row.start}`)),
       make("div", { class: "stage" }, make("figure", {}, this.image, this.none), this.plan.holder), this.banner, this.action, this.scores);
     this.image.addEventListener("error", () => { this.image.hidden = true; this.none.hidden = false; });
@@ -73,6 +73,7 @@ class EpisodePage {
 
   async open(place) {
     const episodes = await Promise.all(this.numbers.map((number) => load(`data/episode-${number}.json`)));
+    for (const episode of episodes) episode.row = titled(episode.row);
     this.episodes = episodes;
     this.players = episodes.map((episode) => new Player(episode));
     this.last = Math.max(...this.players.map((player) => player.last));
@@ -123,7 +124,7 @@ class EpisodePage {
     const same = this.rows.filter((row) => row.site === first.row.site && row.goal === first.row.goal
       && row.start === first.row.start && row.repetition === first.row.repetition && !this.numbers.includes(row.id));
     const others = same.slice(-12).map((row) => make("a", { class: "chip", href: `#/compare/${first.row.id}/${row.id}` },
-      `${MARKS[row.outcome]} ${row.model} #${row.id}`));
+      `${MARKS[row.outcome]} ${row.condition} #${row.id}`));
     const video = make("a", { class: "chip", id: "video", href: `video/${this.numbers.join("-")}.mp4`, download: "" }, "Video");
     return make("nav", { class: "links", "aria-label": "episode" }, make("a", { class: "chip", href: "#/" }, "← results"),
       this.episodes.every((episode) => episode.row.has_images) && !(isStatic && this.numbers.length > 1) ? video : "",

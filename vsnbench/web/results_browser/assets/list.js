@@ -2,7 +2,7 @@
 
 const cells = (row) => [
   ["id", `#${row.id}`],
-  ["model", row.model],
+  ["model", row.condition],
   ["goal", row.goal],
   ["start", `start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`],
   [`result ${row.outcome}`, `${MARKS[row.outcome]} ${resultText(row)}`],
@@ -14,7 +14,7 @@ const cells = (row) => [
 
 const pairCells = ([a, b]) => [
   ["id", `#${a.id} #${b.id}`],
-  ["model", `${a.model} / ${b.model}`],
+  ["model", `${a.condition} / ${b.condition}`],
   ["goal", a.goal],
   ["start", `start ${a.start}${a.repetition > 1 ? ` (${a.repetition})` : ""}`],
   ["result failure", `${MARKS.failure} ${resultText(a)}`],
