@@ -77,6 +77,25 @@ def test_output_writes_everything(lab: Lab, tmp_path: Path) -> None:
     assert not list((tmp_path / "out").rglob("*.part"))
 
 
+def test_each_table_is_a_file_to_paste_and_is_chosen_by_name(lab: Lab, tmp_path: Path) -> None:
+    everything = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "all")
+    assert everything.exit_code == 0
+    names = sorted(file.stem for file in (tmp_path / "all" / "tables").iterdir())
+    assert len(names) > 3
+    for name in names:
+        text = (tmp_path / "all" / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+        assert (text.count(r"\caption{"), text.count(rf"\label{{tab:{name}}}")) == (1, 1)
+    chosen = ["--table", f"{names[1]},{names[0]}", "--figure", "success-by-goal"]
+    assert vsnbench("report", "--results", lab.directory, "--output", tmp_path / "two", *chosen).exit_code == 0
+    assert sorted(file.stem for file in (tmp_path / "two" / "tables").iterdir()) == names[:2]
+    assert {file.stem for file in (tmp_path / "two" / "figures").iterdir()} == {"success-by-goal"}
+    printed = vsnbench("report", "--results", lab.directory, *chosen[:2], "--format", "latex").stdout
+    assert printed.index(f"tab:{names[1]}") < printed.index(f"tab:{names[0]}")
+    refused = vsnbench("report", "--results", lab.directory, "--table", "nonsense").exception
+    assert isinstance(refused, UsageError)
+    assert refused.code == "unknown-part"
+
+
 def test_output_that_cannot_be_written_is_one_line(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     outcome = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "file")
