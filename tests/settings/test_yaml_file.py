@@ -146,3 +146,11 @@ def test_all_faults_of_a_file_are_reported_together(tmp_path: Path) -> None:
     assert any(fault.startswith(f"{path}:4: wheels.1.radius_m: ") for fault in faults)
     path.write_text("name: a\n")
     assert settings_faults(path, Cart, SiteError, "cart") == []
+
+
+def test_a_comma_in_an_unquoted_text_is_answered_with_quotation_marks(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("{ name: by the window, near the door }")
+    (fault,) = settings_faults(path, Cart, SiteError, "cart")
+    assert fault.code == "unknown-field"
+    assert "quotation marks" in fault.advice

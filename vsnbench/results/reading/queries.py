@@ -183,7 +183,7 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
     )
     with transaction(reading(engine)) as connection:
         return tuple(
-            CampaignState(*row[:-1], disturbances=text_of_conditions(row.conditions))
+            replace(CampaignState(*row[:-1]), disturbances=text_of_conditions(row.conditions))
             for row in connection.execute(query)
         )
 
@@ -254,7 +254,7 @@ def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
 
 def _summaries(connection: Connection, rows: Sequence[Any]) -> tuple[EpisodeSummary, ...]:
     tags = tags_of(connection, (row.id for row in rows))
-    found = (EpisodeSummary(*row[:-1], disturbances=text_of_conditions(row.conditions)) for row in rows)
+    found = (replace(EpisodeSummary(*row[:-1]), disturbances=text_of_conditions(row.conditions)) for row in rows)
     return tuple(replace(summary, tags=tags[summary.id]) if summary.id in tags else summary for summary in found)
 
 

@@ -122,6 +122,11 @@ class RecordedEvent:
     """Author of the event; empty without an author."""
     text: str
 
+    @property
+    def statement(self) -> str:
+        """The text without the number of the action, with which texts of earlier versions begin."""
+        return self.text.removeprefix(f"action {self.step_number}: ")
+
 
 @dataclass(frozen=True, slots=True)
 class EpisodeProvenance:

@@ -130,7 +130,7 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
                 "step": event.step_number,
                 "kind": event.kind,
                 "author": event.author,
-                "text": event.text[:_MAX_TEXT],
+                "text": event.statement[:_MAX_TEXT],
                 "is_note": event.kind in (NOTE, TAGGED, UNTAGGED),
             }
             for event in details.events

@@ -143,7 +143,7 @@ class EpisodePage {
     const history = [
       ...episode.verdicts.map((given) => [given.at, `${given.proposed ? "proposed: " : ""}${given.reason}${given.note ? `; ${given.note}` : ""}`,
         `${given.author}, ${given.source}`]),
-      ...episode.events.map((event) => [event.at, `${event.kind}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
+      ...episode.events.map((event) => [event.at, `${event.kind.replaceAll("_", " ")}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
     ].sort((a, b) => (a[0] < b[0] ? -1 : 1));
     const summary = [["result", resultText(row)], ["distance", metres(row.distance_m)], ["path", `${metres(row.path_m)}, shortest ${metres(row.shortest_m)}`],
       ["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error]];
