@@ -13,7 +13,7 @@ FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
-.PHONY: help demo test test-others test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test clean
+.PHONY: help demo test test-others test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test setup-dist setup-docs clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -21,8 +21,8 @@ help: ## List the targets.
 setup:
 	@scripts/setup.sh run
 
-setup-test:
-	@scripts/setup.sh test
+setup-test setup-dist setup-docs:
+	@scripts/setup.sh $(@:setup-%=%)
 
 demo: setup ## Set up, run trials in the embedded apartment, print the report.
 	$(BIN)/vsnbench run --model pirlnav --goal chair --results $(DEMO_RESULTS)
@@ -75,14 +75,14 @@ bench: setup-test ## Run the measured comparisons that take minutes; benchmarks/
 docs: setup-test ## Regenerate figures and generated pages.
 	$(BIN)/python scripts/make_docs.py
 
-docs-site: setup-test ## Build the documentation site in build/site.
+docs-site: setup-docs ## Build the documentation site in build/site.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "build/site/index.html"
 
 weights: setup-test ## Train the small PIRLNav weights (1.5 h); resumes a stopped training.
 	nice -n 10 $(BIN)/python -m training --recipe full --output training-runs/full --workers 2 --threads 2
 
-dist: setup-test ## Build the wheel and the source archive in dist/ and check them.
+dist: setup-dist ## Build the wheel and the source archive in dist/ and check them.
 	rm -rf dist
 	$(BIN)/python -m build --quiet
 	$(BIN)/twine check --strict dist/*

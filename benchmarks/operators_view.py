@@ -118,8 +118,8 @@ def inspection_commands(episodes: Iterable[int]) -> Iterator[tuple[str, ...]]:
         yield "episodes", "show", str(number)
         yield "episodes", "show", str(number), "--steps"
         yield "episodes", "show", str(number), "--json"
-    yield from (("judge", "--pending"), ("export", "csv", "seen/steps.csv"))
-    yield from (("export", "habitat", "seen/habitat"), ("export", "tum", "seen/tum"))
+    yield from (("judge", "--pending"), ("export", "csv", "-o", "seen/steps.csv"))
+    yield from (("export", "habitat", "-o", "seen/habitat"), ("export", "tum", "-o", "seen/tum"))
 
 
 def files_below(*tops: str) -> Iterator[Path]:

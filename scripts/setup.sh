@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# Set up .venv: `setup.sh run` for the tool, `setup.sh test` also for its tests.
+# Set up .venv: `setup.sh run` for the tool, `test` also for its tests, `dist` and `docs` only for their own programs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
-    run) extras="[viewer,video]" system="" ;;
+    run) extras="[viewer,video]" ;;
     test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,docs,dev]" system="chromium postgresql ros" ;;
-    *) echo "usage: scripts/setup.sh [run|test]" >&2; exit 2 ;;
+    dist | docs) ;;
+    *) echo "usage: scripts/setup.sh [run|test|dist|docs]" >&2; exit 2 ;;
 esac
 
 fingerprint=$(cat pyproject.toml scripts/*.sh | sha256sum | cut -c1-16)
@@ -30,11 +31,22 @@ if [ ! -x .venv/bin/python ]; then
     "$python" -m venv .venv
 fi
 pip() { .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"; }
-# Install torch first and alone, so that no later package selects another build. Only the tests need it.
-[ $kind = run ] || pip torch==2.13.0
-pip --editable ".$extras"
-[ -z "$system" ] || scripts/install_system.sh $system
-[ $kind = run ] || scripts/install_ros2.sh
-[ $kind = run ] || command -v node >/dev/null ||
-    echo "node is missing: the tests of examples/node_policy are skipped (scripts/install_system.sh node)"
+packages_of() { # a list in pyproject.toml
+    .venv/bin/python -c 'import sys, tomllib
+content = tomllib.load(open("pyproject.toml", "rb"))
+print(*(content["project"]["optional-dependencies"] | content["dependency-groups"])[sys.argv[1]], sep="\n")' "$1"
+}
+case $kind in
+    dist | docs)
+        mapfile -t packages < <(packages_of $kind)
+        pip "${packages[@]}" ;;
+    run) pip --editable ".$extras" ;;
+    test)
+        pip torch==2.13.0 # first and alone, so that no later package selects another build
+        pip --editable ".$extras"
+        scripts/install_system.sh $system
+        scripts/install_ros2.sh
+        command -v node >/dev/null ||
+            echo "node is missing: the tests of examples/node_policy are skipped (scripts/install_system.sh node)" ;;
+esac
 echo "$fingerprint" > "$stamp"

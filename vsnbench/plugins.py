@@ -1,5 +1,6 @@
 """Imports third-party classes by entry point or as `package.module:Class`, and hashes their source."""
 
+import ast
 import hashlib
 import importlib
 import re
@@ -12,6 +13,8 @@ from typing import Any
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.text.sanitize import error_line
 from vsnbench.text.suggestions import closest
+
+_LONGEST_SOURCE_BYTES = 2**20
 
 
 def plug_ins(group: str) -> dict[str, str]:
@@ -56,12 +59,27 @@ def import_factory(where: str, kind: str, name: str, error_class: type[VsnbenchE
 def _import_advice(module_name: str, error: BaseException) -> str:
     """Return advice about a user's module that was not found, or an empty string if something else is missing."""
     if "/" in module_name or module_name.endswith(".py"):
+        if classes := _classes_of_file(Path(module_name)):
+            return f"name the module, not its file: {' or '.join(classes)}"
         return "name the module, not its file: walker.policy for walker/policy.py, in the directory of walker"
     missing = error.name if isinstance(error, ModuleNotFoundError) else None
     if missing is None or not f"{module_name}.".startswith(f"{missing}."):
         return ""
     file = module_name.replace(".", "/") + ".py"
     return f"it is neither installed nor in {Path.cwd()}: go to the directory that has {file} in it"
+
+
+def _classes_of_file(file: Path) -> list[str]:
+    """Return the classes of a Python file below the working directory as `package.module:Class`; nothing is run."""
+    if file.suffix != ".py" or file.is_absolute() or ".." in file.parts or not file.is_file():
+        return []
+    try:
+        with file.open("rb") as opened:
+            tree = ast.parse(opened.read(_LONGEST_SOURCE_BYTES))
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return []
+    module = ".".join(file.with_suffix("").parts)
+    return [f"{module}:{node.name}" for node in tree.body if isinstance(node, ast.ClassDef) and node.bases][:3]
 
 
 def source_sha256(kind: type) -> str:
@@ -114,6 +132,10 @@ def file_of_module(module: object) -> Path | None:
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
     """Return the error for a name that does not exist, with the nearest name and all names."""
     names = list(known)
+    if classes := _classes_of_file(Path(name)):
+        return UsageError(
+            f"{kind} {name} is a file", advice=f"name the class in it: {' or '.join(classes)}", code=f"unknown-{kind}"
+        )
     near = closest(name, names)
     suggestion = f"did you mean {near}? " if near else ""
     return UsageError(

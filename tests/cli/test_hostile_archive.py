@@ -56,7 +56,7 @@ def test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written(
     (outside / "rgb").mkdir(parents=True)
     (archive / "episodes" / "link").symlink_to(outside)
     say(archive, elsewhere.format(archive.parent))
-    for words in (["view", "1", "--path"], ["episodes", "show", "1"], ["export", "bag", "1", "x.bag"]):
+    for words in (["view", "1", "--path"], ["episodes", "show", "1"], ["export", "bag", "1", "-o", "x.bag"]):
         done = type_in(monkeypatch, capsys, *words, "--results", str(archive))
         assert done.code == 1, done.out + done.err
         assert "leads out of it" in done.err
@@ -91,7 +91,7 @@ def test_no_text_of_an_archive_controls_the_terminal(archive: Path, words: list[
             ["report"],
             ["episodes", "show", "1"],
             ["episodes", "list"],
-            ["export", "csv", "s.csv"],
+            ["export", "csv", "-o", "s.csv"],
             ["view", "1", "--path"],
         ),
         *(["judge", "1", "--void", "why"], ["run", "--model", "forward", "--goal", "chair", "--starts", "1"]),
@@ -134,7 +134,7 @@ def test_a_picture_that_is_a_link_is_not_shown(archive: Path, typed: Typed) -> N
 
 
 @pytest.mark.parametrize(
-    "words", [["report"], ["episodes", "list"], ["view", "1", "--path"], ["export", "csv", "s.csv"]]
+    "words", [["report"], ["episodes", "list"], ["view", "1", "--path"], ["export", "csv", "-o", "s.csv"]]
 )
 def test_nothing_is_imported_from_the_archive_in_which_one_stands(archive: Path, words: list[str]) -> None:
     for name in ("cloudpickle", "numpy", "yaml", "sitecustomize", "psycopg2", "fsspec", "pyarrow", "IPython"):

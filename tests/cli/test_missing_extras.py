@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from vsnbench.installation import command_to_add
+
 ROOT = Path(__file__).resolve().parents[2]
 
 WITHOUT = """
@@ -25,9 +27,9 @@ MISSING = [
     ("viewer", "rerun,rerun_bindings,rerun_cli", "view 1"),
     ("neural", "torch", "models check vlv --weights none.torch"),
     ("postgresql", "psycopg", "episodes list --db postgresql+psycopg://user@127.0.0.1/none"),
-    ("bags", "rosbags", "export bag 1 episode.bag"),
+    ("bags", "rosbags", "export bag 1 -o episode.bag"),
     ("video", "av", "export video 1"),
-    ("lerobot", "pyarrow", "export lerobot dataset"),
+    ("lerobot", "pyarrow", "export lerobot -o dataset"),
     ("ray", "ray", "run --model random --goal chair --workers ray://127.0.0.1:10001"),
     ("ros2", "rclpy,rpyutils", "robots simulate turtlebot4"),
 ]
@@ -66,7 +68,7 @@ def test_a_verb_says_which_extra_it_wants(extra: str, hidden: str, line: str, re
     assert answer.returncode in (1, 2), answer
     (said,) = answer.stderr.splitlines()
     assert said.startswith("vsnbench: error: ")
-    assert f"pip install 'vsnbench[{extra}]'" in said
+    assert command_to_add(extra) in said
 
 
 def test_every_extra_for_users_has_a_verb_here() -> None:

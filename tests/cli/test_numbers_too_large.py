@@ -20,7 +20,7 @@ TOO_LARGE = str(10**30)
         ("view", TOO_LARGE, "--path"),
         ("episodes", "show", TOO_LARGE),
         ("episodes", "list", "--limit", TOO_LARGE),
-        ("export", "bag", TOO_LARGE, "x.bag"),
+        ("export", "bag", TOO_LARGE, "-o", "x.bag"),
         ("db", "remove-import", TOO_LARGE),
         ("judge", TOO_LARGE, "--confirm"),
     ],

@@ -101,13 +101,13 @@ judge 1 --second Grace --distance 3
 judge 1 --second Grace --retract
 judge 3 --void visitor --yes
 view 1
-export tum tum
-export habitat habitat
-export csv data.csv
-export bag 1 episode.bag
-export mcap mcap
-export lerobot lerobot
-export episodes episodes.zip
+export tum -o tum
+export habitat -o habitat
+export csv -o data.csv
+export bag 1 -o episode.bag
+export mcap -o mcap
+export lerobot -o lerobot
+export episodes -o all-episodes.csv
 export video 1
 bundle packed.zip --campaign 1
 verify results

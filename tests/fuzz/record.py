@@ -25,10 +25,10 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("report", "--format", "latex"),
     ("report", "--reference", "paper"),
     ("compare", "vlv", "forward"),
-    ("export", "csv", "{home}/steps.csv"),
-    ("export", "tum", "{home}/tum"),
-    ("export", "habitat", "{home}/habitat"),
-    ("export", "bag", "1", "{home}/one.bag"),
+    ("export", "csv", "-o", "{home}/steps.csv"),
+    ("export", "tum", "-o", "{home}/tum"),
+    ("export", "habitat", "-o", "{home}/habitat"),
+    ("export", "bag", "1", "-o", "{home}/one.bag"),
     ("view", "1", "--path"),
     ("judge", "1", "--confirm", "--yes"),
     ("judge", "1", "--void", "why", "--yes"),
@@ -36,7 +36,7 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("db", "merge", "{home}/results", "--results", "{home}/merged"),
     ("db", "merge", "{home}/good"),
     ("db", "restore", "{home}/good/vsnbench.db"),
-    ("import", "habitat", "{home}/good.json", "--model", "m", "--max-steps", "150", "--success-distance", "1"),
+    ("import", "habitat", "-o", "{home}/good.json", "--model", "m", "--max-steps", "150", "--success-distance", "1"),
 )
 
 

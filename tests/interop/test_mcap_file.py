@@ -37,7 +37,7 @@ def read(file: Path) -> tuple[dict[str, list[tuple[int, Any]]], Any]:
 
 
 def test_images_odometry_and_stamps_are_those_of_the_record(results: Path, tmp_path: Path) -> None:
-    done = vsnbench(results, "export", "mcap", str(tmp_path), "1", "--json")
+    done = vsnbench(results, "export", "mcap", "1", "--output", str(tmp_path), "--json")
     assert json.loads(done.stdout) == {"files": [str(tmp_path / "000001.mcap")]}
     heard, (summary, metadata) = read(tmp_path / "000001.mcap")
     with open_record(sqlite_url(results / "vsnbench.db")) as engine:
@@ -78,18 +78,18 @@ def test_images_odometry_and_stamps_are_those_of_the_record(results: Path, tmp_p
 
 
 def test_an_episode_without_images_becomes_a_file_without_images(results: Path, tmp_path: Path) -> None:
-    assert vsnbench(results, "export", "mcap", str(tmp_path), "2").returncode == 0
+    assert vsnbench(results, "export", "mcap", "2", "--output", str(tmp_path)).returncode == 0
     heard, _ = read(tmp_path / "000002.mcap")
     assert set(heard) == {"/odom", "/tf", "/tf_static", "/vsnbench/action", "/vsnbench/goal"}
 
 
 def test_all_that_ended_become_a_file_each(results: Path, tmp_path: Path) -> None:
-    assert vsnbench(results, "export", "mcap", str(tmp_path)).returncode == 0
+    assert vsnbench(results, "export", "mcap", "--output", str(tmp_path)).returncode == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["000001.mcap", "000002.mcap"]
 
 
 def test_episodes_become_rows(results: Path, tmp_path: Path) -> None:
-    done = vsnbench(results, "export", "episodes", str(tmp_path / "e.csv"), "--json")
+    done = vsnbench(results, "export", "episodes", "--output", str(tmp_path / "e.csv"), "--json")
     assert json.loads(done.stdout)["episodes"] == 2
     header, first, *_ = (tmp_path / "e.csv").read_text().splitlines()
     row = dict(zip(header.split(","), first.split(","), strict=True))

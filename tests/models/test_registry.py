@@ -3,6 +3,7 @@
 import sys
 import types
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 
@@ -175,3 +176,17 @@ def test_the_error_for_a_missing_module_has_advice(plug_in_module: str, name: st
         registry.create_policy(name)
     assert advice in raised.value.advice
     assert bool(advice) == bool(raised.value.advice)
+
+
+def test_a_file_in_place_of_a_model_is_answered_with_its_class(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "roam.py").write_text("raise SystemExit\nclass Roam(vsnbench.Policy):\n    pass\n")
+    for name, refused in (("lab/roam.py", UsageError), ("lab/roam.py:Roam", ModelError)):
+        with pytest.raises(refused) as error:
+            registry.create_policy(name)
+        assert "lab.roam:Roam" in error.value.advice
+    (tmp_path / "lab" / "roam.py").write_bytes(b"\0class (")
+    with pytest.raises(UsageError) as error:
+        registry.create_policy("lab/roam.py")
+    assert error.value.code == "unknown-model"

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,7 @@ from vsnbench.report.formats.latex import document, latex
 from vsnbench.report.formats.latex import escaped as latex_escaped
 from vsnbench.report.formats.markdown import markdown
 from vsnbench.report.tables.reference import reference_tables
-from vsnbench.report.tables.report_table import fitted, print_tables
+from vsnbench.report.tables.report_table import ReportTable, fitted, print_tables
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.values.action import Action
 
@@ -203,6 +204,27 @@ def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> Non
     assert int(pages[1]) < len(reference_tables())
     assert "too wide" not in outcome.stdout
     assert "too large" not in outcome.stdout
+
+
+def many_tables() -> list[ReportTable]:
+    """Return as many tables as a stress test of six disturbances has."""
+    return [replace(table, name=f"{table.name}-{n}") for n in range(20) for table in reference_tables()]
+
+
+def test_the_page_is_cleared_before_latex_has_more_floats_than_it_queues() -> None:
+    for text in (latex(many_tables()), document(many_tables())):
+        assert max(part.count(r"\begin{table") for part in text.split(r"\clearpage")) <= 12
+        assert text.count(r"\begin{table") == len(many_tables())
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
+def test_many_pasted_tables_compile(tmp_path: Path) -> None:
+    packages = r"\documentclass[twocolumn]{article}\usepackage[T1]{fontenc}\usepackage{array,booktabs,textcomp}"
+    text = f"{packages}\\begin{{document}}\n{latex(many_tables())}\\end{{document}}\n"
+    (tmp_path / "paper.tex").write_text(text, encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
+    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert outcome.returncode == 0, outcome.stdout[-2000:]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 150])

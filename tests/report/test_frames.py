@@ -1,15 +1,18 @@
 """Recorded results as DataFrames."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import vsnbench
 from tests.report.records import Attempt, Lab, step, void
-from vsnbench.errors import RecordError
+from vsnbench.errors import RecordError, UsageError
 from vsnbench.report import frames
 from vsnbench.report.analysis.episodes_frame import COLUMNS, Selection
 from vsnbench.values.action import Action
+
+KEY = ["episode_id", "number"]
 
 
 @pytest.fixture
@@ -32,6 +35,23 @@ def test_steps_are_rows_in_their_order(lab: Lab) -> None:
     assert steps["episode_id"].tolist()[:2] == [2, 2]
     assert steps["raw_action"].tolist()[:2] == ["LOOK_DOWN", "STOP"]
     assert steps["world_x_m"].tolist()[:2] == [1.25, 1.25]
+
+
+def test_steps_of_all_episodes_or_of_a_list_of_them(lab: Lab) -> None:
+    lab.write([Attempt(steps=[step(1, Action.TURN_LEFT), step(2, Action.STOP)])], model="oracle", seed=9)
+    results = vsnbench.open_results(lab.directory)
+    assert results.steps()[KEY].values.tolist() == results.steps(2, 5)[KEY].values.tolist()
+    last = results.episodes().query("model == 'oracle'")["episode"]
+    for chosen in ([3, 5], last, last.to_numpy(), range(3, 40_000)):
+        assert results.steps(chosen)[KEY].values.tolist() == [[5, 1], [5, 2]]
+    assert len(results.steps([])) == len(results.steps(2**70)) == 0
+
+
+@pytest.mark.parametrize("episodes", ["2", 1.5, [None], ["2"], [[2]]])
+def test_episodes_that_are_not_numbers_are_refused(lab: Lab, episodes: Any) -> None:
+    with pytest.raises(UsageError) as refused:
+        vsnbench.open_results(lab.directory).steps(episodes)
+    assert refused.value.code == "usage"
 
 
 def test_campaigns_are_rows_that_episodes_refer_to(lab: Lab) -> None:

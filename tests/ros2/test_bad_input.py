@@ -61,7 +61,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, tupl
 def test_without_rclpy_one_line_names_the_package(words) -> None:
     done = subprocess.run([sys.executable, "-c", NO_RCLPY, *words], capture_output=True, text=True, timeout=90)
     assert done.returncode == 1
-    assert "ROS 2 is not installed for this Python (no module rclpy): pip install 'vsnbench[ros2]'" in done.stderr
+    assert "ROS 2 is not installed for this Python (no module rclpy): " in done.stderr
+    assert "[ros2]" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

@@ -180,3 +180,11 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     with pytest.raises(SiteError) as refused:
         read_settings(tmp_path / "cart.yaml", Cart, SiteError, "cart")
     assert refused.value.code == "unreadable-file"
+
+
+def test_a_comma_in_an_unquoted_text_is_answered_with_quotation_marks(tmp_path: Path) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text("{ name: by the window, near the door }")
+    (fault,) = settings_faults(path, Cart, SiteError, "cart")
+    assert fault.code == "unknown-field"
+    assert "quotation marks" in fault.advice

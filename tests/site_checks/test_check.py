@@ -308,3 +308,21 @@ def test_all_findings_are_reported_together() -> None:
     assert {"piano-1", "lamp-1", "the hall's edge from (0, 8) to (0, 0)"} <= {
         each.subject for each in check_site(site, RADIUS_M)
     }
+
+
+@pytest.mark.parametrize(("heading", "degrees"), [(3.14, "180"), (-1.5708, "-90"), (0.785, "45")])
+def test_a_single_heading_in_radians_is_a_warning(heading: float, degrees: str) -> None:
+    site = sound_site()
+    turned = site.starts[3].model_copy(update={"heading_deg": heading})
+    site = sound_site(starts=[*site.starts[:3], turned, *site.starts[4:]])
+    (finding,) = (found for found in check_site(site, RADIUS_M) if found.code == "headings-in-radians")
+    assert finding.severity is Severity.WARNING
+    assert f"{degrees}°" in finding.advice
+    assert finding.entries == (("starts", 3),)
+
+
+def test_a_small_heading_that_is_no_multiple_of_an_eighth_turn_is_none() -> None:
+    site = sound_site()
+    turned = site.starts[3].model_copy(update={"heading_deg": 3.5})
+    site = sound_site(starts=[*site.starts[:3], turned, *site.starts[4:]])
+    assert not [found for found in check_site(site, RADIUS_M) if found.code == "headings-in-radians"]

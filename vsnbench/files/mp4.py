@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
+from vsnbench.installation import command_to_add, command_to_install
 
 if TYPE_CHECKING:
     from av import VideoStream
@@ -66,7 +67,7 @@ def write_mp4(
         import av
         from av.codec.codec import UnknownCodecError
     except ImportError as error:
-        raise UsageError("videos require the library PyAV", advice="pip install 'vsnbench[video]'") from error
+        raise UsageError("videos require the library PyAV", advice=command_to_add("video")) from error
     rate, written = Fraction(frames_per_s).limit_denominator(1000), 0
     with atomic_file(path) as part, av.open(str(part), "w", format="mp4", options={"movflags": "faststart"}) as file:
         try:
@@ -74,7 +75,7 @@ def write_mp4(
         except UnknownCodecError as error:
             raise UsageError(
                 f"this build of PyAV has no encoder {_CODEC}",
-                advice="install PyAV from PyPI: pip install --force-reinstall av",
+                advice=f"install PyAV from PyPI: {command_to_install('av', '--force-reinstall')}",
                 code="missing-codec",
             ) from error
         for frame in frames:

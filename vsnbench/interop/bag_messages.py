@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from vsnbench.errors import UsageError
+from vsnbench.installation import command_to_add
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
@@ -28,7 +29,7 @@ def type_store(*, ros2: bool = False) -> Any:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError as error:
-        raise UsageError("bags require the library rosbags", advice="pip install 'vsnbench[bags]'") from error
+        raise UsageError("bags require the library rosbags", advice=command_to_add("bags")) from error
     if ros2:
         return get_typestore(Stores.ROS2_HUMBLE)
     store = get_typestore(Stores.ROS1_NOETIC)

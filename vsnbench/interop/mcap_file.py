@@ -5,6 +5,7 @@ from pathlib import Path
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
+from vsnbench.installation import command_to_add
 from vsnbench.interop.bag_messages import Messages, type_store
 from vsnbench.interop.episodes import ExportedEpisode
 from vsnbench.interop.recorded_messages import KINDS, recorded_messages
@@ -26,7 +27,7 @@ def write_mcap(
     try:
         from mcap.writer import Writer
     except ImportError as error:
-        raise UsageError("MCAP files require the library mcap", advice="pip install 'vsnbench[bags]'") from error
+        raise UsageError("MCAP files require the library mcap", advice=command_to_add("bags")) from error
     store, channels = type_store(ros2=True), dict[str, int]()
     counts = dict.fromkeys(KINDS, 0)
     with atomic_file(path) as part, part.open("wb") as file:

@@ -8,18 +8,20 @@ counted.groupby(["model", "goal"])["success"].agg(["sum", "count", "mean"])
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 
+from vsnbench.errors import UsageError
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.results.schema.tables import Step
+from vsnbench.results.schema.tables import Episode, Step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +37,7 @@ CAMPAIGN_COLUMNS = {
     "seed": "seed of the campaign",
 }
 """Columns of `Results.campaigns`."""
+_IN_ONE_QUERY = 10_000  # SQLite allows 32,766 values
 _OF_EPISODES = ("model", "weights_label", "robot", "environment", "site")
 
 
@@ -82,22 +85,43 @@ class Results:
         ]
         return pd.DataFrame(sorted(rows), columns=list(CAMPAIGN_COLUMNS))
 
-    def steps(self, *episodes: int) -> "pd.DataFrame":
-        """Return one row per step of some episodes, in the order of episodes and steps.
+    def steps(self, *episodes: int | Iterable[int]) -> "pd.DataFrame":
+        """Return one row per step, in the order of episodes and steps.
 
         The columns are those of the table `step` (docs/schema.md) without JSON: distances in metres, angles in radians,
         times in seconds, NaN for unknown values.
 
+        Args:
+            episodes: numbers of episodes, or lists, arrays or columns of them. Without any, the steps of all episodes.
+
         Raises:
+            UsageError: an argument is neither a number nor a list of numbers.
             RecordError: the database cannot be read.
         """
         import pandas as pd
 
+        numbers = _episode_numbers(episodes)
         columns = [column for column in Step.__table__.columns if column.name not in ("probabilities", "details")]
-        query = select(*columns).where(Step.episode_id.in_(episodes)).order_by(Step.episode_id, Step.number)
+        query = select(*columns).order_by(Step.episode_id, Step.number)
         with open_record(self._url) as engine, record_errors(engine), engine.connect() as connection:
-            rows = connection.execute(query).all()
+            if not episodes:
+                rows = list(connection.execute(query))
+            else:
+                known = sorted(numbers.intersection(connection.scalars(select(Episode.id))))
+                parts = [known[first : first + _IN_ONE_QUERY] for first in range(0, len(known), _IN_ONE_QUERY)]
+                rows = [row for part in parts for row in connection.execute(query.where(Step.episode_id.in_(part)))]
         return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
+
+
+def _episode_numbers(episodes: tuple[int | Iterable[int], ...]) -> set[int]:
+    try:
+        return {
+            index(number)
+            for given in episodes
+            for number in (given if isinstance(given, Iterable) and not isinstance(given, str) else (given,))
+        }
+    except TypeError as error:
+        raise UsageError(f"episodes are whole numbers: {error}", advice="write steps(2, 3) or steps([2, 3])") from error
 
 
 def open_results(results: str | Path) -> Results:
@@ -121,7 +145,7 @@ def episodes(record: str | Path, selection: Selection | None = None) -> "pd.Data
 def steps(record: str | Path, numbers: Sequence[int]) -> "pd.DataFrame":
     """Return `open_results(record).steps(*numbers)`. Deprecated."""
     _warn("steps(1, 2)")
-    return open_results(record).steps(*numbers)
+    return open_results(record).steps(numbers)
 
 
 def _warn(call: str) -> None:

@@ -3,27 +3,41 @@
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
+from vsnbench.errors import UsageError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.report.build import Report
 from vsnbench.report.figures.style import Drawing
 from vsnbench.report.formats.csv import to_csv
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
-from vsnbench.report.formats.latex import document, latex
+from vsnbench.report.formats.latex import document, label, latex
 from vsnbench.report.formats.markdown import markdown
+from vsnbench.report.tables.report_table import ReportTable
+
+Named = TypeVar("Named", ReportTable, Drawing)
 
 
-def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -> tuple[Path, ...]:
+def write_report(
+    report: Report, drawings: Sequence[Drawing], directory: Path, only_tables: Sequence[str] = ()
+) -> tuple[Path, ...]:
     """Write all files of a report and return their paths.
 
-    `report.html` (self-contained), `report.md`, `report.csv`, `report.json`, `tables.tex` to paste into a paper,
-    `report.tex` to compile, and `figures/` with SVG, PDF and PNG of each figure.
+    `report.html` (self-contained), `report.md`, `report.csv`, `report.json`, `tables.tex` and a file of `tables/`
+    for each table to paste into a paper, `report.tex` to compile, and `figures/` with SVG, PDF and PNG of each figure.
+
+    Args:
+        report: the report.
+        drawings: its figures.
+        directory: where to write.
+        only_tables: names of tables; without any, all tables.
 
     Raises:
+        UsageError: a table does not exist.
         RecordError: the directory cannot be written.
     """
-    tables = report.tables(long=True)
+    tables = named(report.tables(long=True), only_tables, "--table")
     figures = [
         (f"figures/{drawing.name}.pdf", drawing.is_wide, f"{drawing.title}. {drawing.caption}") for drawing in drawings
     ]
@@ -37,6 +51,8 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
         "tables.tex": latex(tables).encode(),
         "report.tex": document(tables, figures).encode(),
     }
+    for table in tables:
+        files[f"tables/{label(table.name)}.tex"] = latex([table]).encode()
     for drawing in drawings:
         files[f"figures/{drawing.name}.svg"] = drawing.svg()
         files[f"figures/{drawing.name}.pdf"] = drawing.pdf()
@@ -44,6 +60,23 @@ def write_report(report: Report, drawings: Sequence[Drawing], directory: Path) -
     for name, content in files.items():
         write_atomic(directory / name, content)
     return tuple(directory / name for name in files)
+
+
+def named(items: Sequence[Named], names: Sequence[str], option: str) -> list[Named]:
+    """Return the tables or figures with these names in this order; all of them without names.
+
+    Raises:
+        UsageError: one does not exist.
+    """
+    known = {item.name: item for item in items}
+    for name in names:
+        if name not in known:
+            raise UsageError(
+                f"{option} {name}: this report has no such part",
+                advice=f"it has {', '.join(known)}",
+                code="unknown-part",
+            )
+    return [known[name] for name in names] or list(items)
 
 
 def serve_page(page: str, port: int, announce: Callable[[str], None]) -> None:

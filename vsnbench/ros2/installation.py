@@ -8,12 +8,13 @@ import os
 from typing import Any
 
 from vsnbench.errors import RobotError
+from vsnbench.installation import command_to_add
 from vsnbench.runtime import ros_version
 from vsnbench.runtime.ros_version import RosGeneration
 
 REQUIRED = ("rclpy", "rosgraph_msgs", "std_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs")
 """Python packages of ROS 2 that the nodes and the client import."""
-INSTALL = "pip install 'vsnbench[ros2]', or source the setup.bash of a distribution"
+INSTALL = f"{command_to_add('ros2')}, or source the setup.bash of a distribution"
 
 
 def missing_packages() -> list[str]:

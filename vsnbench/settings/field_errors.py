@@ -59,6 +59,9 @@ _SELF_EXPLANATORY |= _MAPPING_ERRORS
 
 def _describe(detail: ErrorDetails, model: type[BaseModel]) -> FieldError:
     kind, given, place = detail["type"], detail["input"], detail["loc"]
+    if kind == "extra_forbidden" and given is None and " " in str(place[-1]):  # YAML reads `{ note: a, b c }` like this
+        advice = "is it the end of a text with a comma? Put the whole text into quotation marks"
+        return FieldError("unknown field without a value", advice, "unknown-field")
     if kind == "extra_forbidden":
         return FieldError("unknown field", _suggest_field(model, place), "unknown-field")
     if kind == "value_error":

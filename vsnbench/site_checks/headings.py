@@ -20,6 +20,8 @@ _AT_WALL_M = 0.35
 _BACK_FREE_M = 0.25
 """Minimum difference of the distances of back and front from their walls."""
 _FARTHEST_M = 30.0
+_AS_WRITTEN_RAD = 0.002
+"""Maximum difference between a written multiple of a quarter turn and its value: 3.14 for pi."""
 _SUSPICIOUS = 3
 """Minimum number of errors that suggest one common cause."""
 
@@ -117,6 +119,33 @@ def _radians(site: Site) -> Iterator[SiteFinding]:
                 f"headings are degrees, these look like radians: {example:g} rad is {math.degrees(example):.0f}°",
             )
             return
+    yield from _single_radians(site)
+
+
+_MULTIPLES_DEG = tuple(multiple for multiple in range(-360, 361, 45) if multiple)
+
+
+def _single_radians(site: Site) -> Iterator[SiteFinding]:
+    """Yield a warning for each heading that is a multiple of 45 degrees in radians, such as 3.14 or -1.5708."""
+    entries = [
+        *(
+            ("starts", place, f"start {start.number}", start.heading_deg, start.position)
+            for place, start in enumerate(site.starts)
+        ),
+        *(("objects", place, thing.id, thing.heading_deg, thing.position) for place, thing in enumerate(site.objects)),
+    ]
+    for kind, place, name, given, position in entries:
+        meant = min(_MULTIPLES_DEG, key=lambda multiple: abs(math.radians(multiple) - given))
+        if given % 1 > 1e-6 and abs(math.radians(meant) - given) < _AS_WRITTEN_RAD:
+            yield SiteFinding(
+                Severity.WARNING,
+                "headings-in-radians",
+                name,
+                f"has a heading of {given:g}°",
+                f"headings are degrees, this looks like radians: {given:g} rad is {meant}°",
+                points(position),
+                entries=((kind, place),),
+            )
 
 
 def _mirrored(site: Site, what: str, shapes: list[BaseGeometry]) -> Iterator[SiteFinding]:

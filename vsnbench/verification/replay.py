@@ -38,7 +38,7 @@ from vsnbench.values.step import StepRecord
 from vsnbench.verification.checks import Check, Finding, Progress, cell
 from vsnbench.verification.record import RecordedCondition, VerifiedRecord
 
-_NOT_DRIVEN = frozenset(
+NOT_DRIVEN = frozenset(
     {"episode_id", "recorded_at", "sense_s", "infer_s", "move_s", "details", "probabilities"}
     | {"rgb_file_digest", "depth_file_digest"}
 )
@@ -208,6 +208,6 @@ class _Comparison:
         )
         was, now = step_row(0, replace(recorded, part=None)), step_row(0, driven)
         for column in was:
-            if column not in _NOT_DRIVEN and was[column] != now[column]:
+            if column not in NOT_DRIVEN and was[column] != now[column]:
                 text = f"{was[column]!r}, and driven again {now[column]!r}"
                 self.findings.append(cell("step", f"{self.episode_id}/{step.index}", column, text))

@@ -16,6 +16,7 @@ from vsnbench.errors import RecordError, VsnbenchError
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.study.lock import LockNote, read_note
+from vsnbench.verification.against import check_against
 from vsnbench.verification.checks import Check, Progress, Verification, finding
 from vsnbench.verification.derived import check_derived_files
 from vsnbench.verification.files import check_files
@@ -34,13 +35,15 @@ class VerifyOptions:
     """Number of simulated episodes to drive again; None for all."""
     signers: Path | None = None
     """File of principals and public keys whose signatures are trusted."""
+    against: Path | None = None
+    """Bundle or results directory with the same trials, to compare step by step."""
 
 
 def verify(path: Path, progress: Progress, options: VerifyOptions | None = None) -> Verification:
     """Verify a bundle, as a file or unpacked, or a results directory.
 
     Raises:
-        RecordError: it is neither, or cannot be opened at all.
+        RecordError: it, or the one to compare with, is neither, or cannot be opened at all.
         UsageError: the file of the signers does not exist.
     """
     options = options or VerifyOptions()
@@ -50,6 +53,7 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
         if path.is_dir() and not (path / FORMAT_FILE).exists():
             record = stack.enter_context(open_copy(path, scratch.path))
             checks, people = _record_checks(record, None, options, progress)
+            checks += _against(record, options.against, scratch.path / "against", progress)
             return Verification(str(path), __version__, record.versions, tuple(checks), people)
         progress("comparing hashes", 0, 1)
         bundle = open_bundle(path, scratch.path / "bundle")
@@ -62,6 +66,7 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
             return Verification(str(path), __version__, (), (*archive_checks, opening), {})
         note = _note(bundle, archive_checks[0])
         checks, people = _record_checks(record, note, options, progress)
+        checks += _against(record, options.against, scratch.path / "against", progress)
         derived = check_derived_files(bundle.directory, scratch.path, scratch.path / "made", note, progress)
         return Verification(str(path), __version__, record.versions, (*archive_checks, *checks, derived), people)
 
@@ -79,6 +84,18 @@ def _record_checks(
     if options.replay != 0:
         checks.append(check_replay(record, options.replay, progress))
     return checks, people
+
+
+def _against(record: VerifiedRecord, path: Path | None, scratch: Path, progress: Progress) -> list[Check]:
+    if path is None:
+        return []
+    if not path.exists():
+        raise RecordError(f"{path} does not exist")
+    scratch.mkdir()
+    is_results = path.is_dir() and not (path / FORMAT_FILE).exists()
+    results = path if is_results else open_bundle(path, scratch / "bundle").results
+    with open_copy(results, scratch) as other:
+        return [check_against(record, other, str(path), progress)]
 
 
 def _hash_checks(bundle: OpenBundle) -> list[Check]:

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Self
 
 from vsnbench.errors import UsageError, VsnbenchError
+from vsnbench.installation import command_to_add
 from vsnbench.runtime.child_process import command_that_ends_with_parent
 
 _LOOPBACK = "127.0.0.1"
-_INSTALL = "pip install 'vsnbench[viewer]'"
 _START_TIMEOUT_S = 20.0
 
 
@@ -33,7 +33,7 @@ def require_rerun() -> None:
         UsageError: `not-installed`, it is not.
     """
     if not rerun_is_installed():
-        raise UsageError("Rerun is not installed", advice=_INSTALL, code="not-installed")
+        raise UsageError("Rerun is not installed", advice=command_to_add("viewer"), code="not-installed")
 
 
 class Viewer:
@@ -142,5 +142,7 @@ def _program() -> Path:
     bundled = Path(package.origin).with_name("rerun") if package and package.origin else Path("rerun")
     program = Path(os.environ.get("RERUN_CLI_PATH") or bundled)
     if not program.is_file():
-        raise VsnbenchError(f"Rerun's program {program} does not exist", advice=_INSTALL, code="not-installed")
+        raise VsnbenchError(
+            f"Rerun's program {program} does not exist", advice=command_to_add("viewer"), code="not-installed"
+        )
     return program

@@ -6,6 +6,8 @@ the token gives. A request that changes something must also come from one of our
 """
 
 import asyncio
+import base64
+import hashlib
 import hmac
 import html
 import logging
@@ -26,9 +28,10 @@ from vsnbench.web_server.session_key import SessionKey, Visitor
 MAX_BODY_BYTES: Final = 64 * 1024
 BODY_TIMEOUT_S: Final = 10.0
 CSRF_HEADER: Final = "x-csrf-token"
+_POLICY: Final = "content-security-policy"
 _DEFAULT_HEADERS: Final = {
     "cache-control": "no-store",
-    "content-security-policy": (
+    _POLICY: (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
@@ -39,11 +42,17 @@ _DEFAULT_HEADERS: Final = {
     "x-frame-options": "DENY",
 }
 """Added to a response that does not set them itself."""
+_FORWARD: Final = "location.replace(document.getElementById('target').href + location.hash)"
 _FORWARDING_PAGE: Final = (
-    '<!doctype html><meta http-equiv="refresh" content="0;url={target}"><link rel="icon" href="data:,">'
-    "<title>vsnbench</title>"
+    '<!doctype html><noscript><meta http-equiv="refresh" content="0;url={target}"></noscript>'
+    '<link rel="icon" href="data:,"><title>vsnbench</title><a id="target" href="{target}"></a>'
+    f"<script>{_FORWARD}</script>"
 )
-"""Opens the page after the token was accepted. Browsers do not send a strict cookie after a cross-site redirect."""
+"""Opens the page after the token was accepted, with the part of the address that browsers send to no server.
+
+Browsers do not send a strict cookie after a cross-site redirect.
+"""
+_FORWARD_DIGEST: Final = base64.b64encode(hashlib.sha256(_FORWARD.encode()).digest()).decode()
 _INCOMPLETE_ADDRESS_PAGE: Final = (
     '<!doctype html><html lang="en"><meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
     "<title>vsnbench</title>"
@@ -146,7 +155,9 @@ class AuthenticationMiddleware:
         parameters = urlencode([item for item in connection.query_params.multi_items() if item[0] != "token"])
         target = html.escape(f"/?{parameters}" if parameters else "/")
         cookie = self._access.set_cookie_header(visitor)
-        return HTMLResponse(_FORWARDING_PAGE.format(target=target), headers={"set-cookie": cookie})
+        policy = _DEFAULT_HEADERS[_POLICY].replace("script-src 'self'", f"script-src 'sha256-{_FORWARD_DIGEST}'")
+        headers = {"set-cookie": cookie, _POLICY: policy}
+        return HTMLResponse(_FORWARDING_PAGE.format(target=target), headers=headers)
 
 
 async def _read_body(receive: Receive, limit_bytes: int) -> bytes | None:

@@ -77,6 +77,25 @@ def test_output_writes_everything(lab: Lab, tmp_path: Path) -> None:
     assert not list((tmp_path / "out").rglob("*.part"))
 
 
+def test_each_table_is_a_file_to_paste_and_is_chosen_by_name(lab: Lab, tmp_path: Path) -> None:
+    everything = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "all")
+    assert everything.exit_code == 0
+    names = sorted(file.stem for file in (tmp_path / "all" / "tables").iterdir())
+    assert len(names) > 3
+    for name in names:
+        text = (tmp_path / "all" / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+        assert (text.count(r"\caption{"), text.count(rf"\label{{tab:{name}}}")) == (1, 1)
+    chosen = ["--table", f"{names[1]},{names[0]}", "--figure", "success-by-goal"]
+    assert vsnbench("report", "--results", lab.directory, "--output", tmp_path / "two", *chosen).exit_code == 0
+    assert sorted(file.stem for file in (tmp_path / "two" / "tables").iterdir()) == names[:2]
+    assert {file.stem for file in (tmp_path / "two" / "figures").iterdir()} == {"success-by-goal"}
+    printed = vsnbench("report", "--results", lab.directory, *chosen[:2], "--format", "latex").stdout
+    assert printed.index(f"tab:{names[1]}") < printed.index(f"tab:{names[0]}")
+    refused = vsnbench("report", "--results", lab.directory, "--table", "nonsense").exception
+    assert isinstance(refused, UsageError)
+    assert refused.code == "unknown-part"
+
+
 def test_output_that_cannot_be_written_is_one_line(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     outcome = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "file")
@@ -114,11 +133,13 @@ def test_what_does_not_exist_is_said_in_a_line(lab: Lab, tmp_path: Path) -> None
     assert isinstance(unknown.exception, UsageError)
     assert isinstance(vsnbench("report", "--format", "pdf").exception, UsageError)
     assert isinstance(vsnbench("compare", "vlv", "unknown", "--results", lab.directory).exception, UsageError)
-    assert isinstance(vsnbench("export", "tum", tmp_path, 99, "--results", lab.directory).exception, UsageError)
+    assert isinstance(vsnbench("export", "tum", 99, "-o", tmp_path, "--results", lab.directory).exception, UsageError)
 
 
 def test_what_is_exported_can_be_imported(lab: Lab, tmp_path: Path) -> None:
-    assert vsnbench("export", "habitat", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
+    assert (
+        vsnbench("export", "habitat", "-o", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
+    )
     file, other = tmp_path / "h" / "episode_results.json", tmp_path / "other"
     under = ("--max-steps", 500, "--success-distance", 1)
     outcome = vsnbench("import", "habitat", file, "--model", "vlv", "--site", "hm3d", *under, "--results", other)

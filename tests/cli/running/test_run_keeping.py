@@ -55,7 +55,15 @@ def test_what_is_kept_changes_nothing_that_happened(
         assert (viewed.code, caplog.text.count("episode 1 has no recorded images")) == (0, told)
         assert Path(viewed.out.strip()).stat().st_size > 10_000
     bag = vsnbench(
-        monkeypatch, capsys, "export", "bag", "1", str(tmp_path / "e.bag"), "--results", str(tmp_path / KeepFiles.NONE)
+        monkeypatch,
+        capsys,
+        "export",
+        "bag",
+        "1",
+        "-o",
+        str(tmp_path / "e.bag"),
+        "--results",
+        str(tmp_path / KeepFiles.NONE),
     )
     assert (bag.code, caplog.text.count("keeps no images: the bag")) == (0, 1)
     report = vsnbench(

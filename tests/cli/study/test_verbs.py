@@ -104,7 +104,7 @@ def test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_lo
         ("report", "--format", "json"),
         ("report", "--format", "csv"),
         ("report", "--output", "page"),
-        ("export", "csv", "steps.csv"),
+        ("export", "csv", "-o", "steps.csv"),
         ("judge", "--pending"),
     ):
         seen.append(lab.other(*words))

@@ -252,7 +252,7 @@ def test_each_episode_has_its_place_and_statistics(exported: Path, recorded: Pat
 
 
 def test_the_command_counts_and_leaves_out_what_has_no_images(recorded: Path, tmp_path: Path) -> None:
-    done = vsnbench(recorded, "export", "lerobot", str(tmp_path / "d"), "--json")
+    done = vsnbench(recorded, "export", "lerobot", "-o", str(tmp_path / "d"), "--json")
     assert done.returncode == 0, done.stderr
     frames = sum(len(steps(recorded, number)) for number in (1, 2, 3))
     assert json.loads(done.stdout) == {
@@ -262,7 +262,7 @@ def test_the_command_counts_and_leaves_out_what_has_no_images(recorded: Path, tm
         "left_out": {"4": "no-images"},
     }
     assert DEPTH not in info(tmp_path / "d")["features"]
-    assert vsnbench(recorded, "export", "lerobot", str(tmp_path / "o"), "--goal", "toilet").returncode == 0
+    assert vsnbench(recorded, "export", "lerobot", "-o", str(tmp_path / "o"), "--goal", "toilet").returncode == 0
     assert [row["vsnbench/episode"] for row in episodes(tmp_path / "o")] == [2, 3]
 
 

@@ -121,7 +121,7 @@ def test_a_refused_forward_move_is_counted_and_not_executed() -> None:
     assert robot.executed == [Action.MOVE_BACKWARD, Action.STOP]
     assert [step.blocked for step in recorder.steps] == [True, False, False]
     assert recorder.steps[0].result is None
-    assert recorder.events[0][0] == "blocked"
+    assert recorder.events[0] == ("blocked", recorder.steps[0].refusal)
 
 
 def test_a_noop_is_recorded_and_never_reaches_the_robot() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.results.records_of_a_lab import plan, run, stopped, void
 from tests.web.browser import Browser
+from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.schema.migrate import open_record
@@ -21,12 +22,17 @@ from vsnbench.web_server.session_key import SessionKey
 HOSTILE = "</script><img src=x onerror='window.pwned=1'>\x1b[31m\u202e"
 
 
-def make_record(directory: Path, names: tuple[str, str] = ("slow", "fast")) -> None:
-    """Write two models: the first fails on the chair from 1, both succeed from 2, and the first has a void attempt."""
+def make_record(directory: Path, names: tuple[str, str] = ("slow", "fast"), disturbances: Disturbances = NONE) -> None:
+    """Write two models: the first fails on the chair from 1, both succeed from 2, and the first has a void attempt.
+
+    The first sees with disturbances, if there are any.
+    """
     directory.mkdir(exist_ok=True)
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
         for place, name in enumerate(names):
             given = plan(seed=place)
+            if place == 0:
+                given = replace(given, conditions={**given.conditions, **disturbances.conditions})
             trials = journal.find_or_create_campaign(replace(given, model=replace(given.model, name=name))).trials
             claims = [
                 run(journal, trials[0], stopped(success=place == 1)),

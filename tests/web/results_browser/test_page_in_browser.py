@@ -113,6 +113,29 @@ def test_the_grid_fills_while_a_run_goes_on(browser: Browser, results: Path) -> 
         page.close()
 
 
+def test_the_address_with_the_token_opens_the_episode_that_it_names(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = browser.new_page()
+        page.goto(f"{address}#/episode/4")
+        page.wait_for_selector(".player")
+        assert page.locator(".player h2").inner_text().startswith("#4 ")
+        assert "token" not in page.url
+        page.close()
+
+
+def test_the_cause_of_a_failure_is_shown_in_full_on_a_small_screen(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(address)
+        page.wait_for_selector(".cell.result.failure")
+        overflow = """(cell) => {
+            cell.textContent = "✗ failure: reached, did not stop";
+            return cell.scrollHeight > cell.clientHeight + 1 || cell.scrollWidth > cell.clientWidth + 1;
+        }"""
+        assert page.locator(".cell.result.failure").first.evaluate(overflow) is False
+        page.close()
+
+
 def test_names_from_a_record_are_text(browser: Browser, tmp_path: Path) -> None:
     make_record(tmp_path, (HOSTILE, "fast"))
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:

@@ -1,4 +1,4 @@
-"""The website is served by Python's own file server, under a path, as a static host would."""
+"""The website is served by Python's own file server, under a path, as a static host would, and opened as files."""
 
 import functools
 import json
@@ -70,6 +70,25 @@ def test_episodes_are_looked_at_without_a_server_of_ours(site: Path) -> None:
         assert problems == []
 
 
+@pytest.mark.browser
+def test_episodes_open_as_files(site: Path) -> None:
+    address = (site / "lab" / "episodes.html").as_uri()
+    with chromium_page(1280, 800) as page:
+        problems: list[str] = []
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.goto(address)
+        page.wait_for_selector(".rows .line")
+        assert page.locator(".rows .line").count() == 5
+        page.goto(f"{address}#/compare/1/4")
+        page.wait_for_selector(".two .plan svg")
+        wait_until(lambda: page.evaluate("document.querySelector('.camera').naturalWidth") == 64, "an image is shown")
+        page.keyboard.press("End")
+        assert page.locator(".banner.failure").count() == page.locator(".banner.success").count() == 1
+        page.goto(f"{address}#/episode/77")
+        page.wait_for_selector("#message:not([hidden])")
+        assert [problem for problem in problems if "ERR_FILE_NOT_FOUND" not in problem] == []
+
+
 def test_the_headline_has_the_rates_with_schema_and_version(site: Path) -> None:
     headline = json.loads((site / "lab" / "headline.json").read_text())
     assert headline["schema"] == 1
@@ -82,9 +101,9 @@ def test_a_selection_limits_the_site_and_replaces_the_one_before(site: Path, tmp
     target = tmp_path / "site"
     for words in ([], ["--model", "fast", "--without-videos"]):
         assert vsnbench(site / "results", "report", "--website", str(target), *words).returncode == 0
-    assert sorted(file.name for file in (target / "data").glob("episode-*.json")) == [
-        "episode-4.json",
-        "episode-5.json",
+    assert sorted(file.name for file in (target / "data").glob("episode-*.js")) == [
+        "episode-4.json.js",
+        "episode-5.json.js",
     ]
     assert sorted(file.name for file in (target / "images").iterdir()) == ["4", "5"]
     assert not (target / "video").exists()

@@ -29,6 +29,10 @@ def command(
         Path | None,
         typer.Option("--signers", metavar="FILE", help="File of trusted signers, in the format of ssh-keygen."),
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="FILE|DIR", help="Record of the same trials to compare with, step by step."),
+    ] = None,
     page: Annotated[
         Path | None, typer.Option("--page", metavar="FILE", help="HTML page to write, with what was checked.")
     ] = None,
@@ -45,11 +49,12 @@ def command(
         vsnbench verify study.zip
         vsnbench verify results --replay 20
         vsnbench verify study.zip --replay all --page verified.html
+        vsnbench verify results --against results-of-another-machine
     """
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.verification.verify import VerifyOptions, verify
 
-    options = VerifyOptions(_replays(replay), signers)
+    options = VerifyOptions(_replays(replay), signers, against)
     with ProgressBars() as progress:
         found = verify(path, progress.show, options)
     if page is not None:

@@ -94,7 +94,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     rows = [
         (
             str(campaign.id),
-            safe(campaign.name),
+            safe(campaign.title),
             str(campaign.seed),
             "simulated" if campaign.simulated else "real",
             f"{campaign.done} of {campaign.trials}",

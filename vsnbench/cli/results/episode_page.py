@@ -204,7 +204,7 @@ def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
         where = f"action {event.step_number}" if event.step_number else ""
         author = f" [dim]({safe(event.author)})[/]" if event.author else ""
         console.print(
-            f"  {event.created_at:%Y-%m-%d %H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.text)}{author}",
+            f"  {event.created_at:%Y-%m-%d %H:%M:%S}  {where:<11} {safe(event.kind)}: {safe(event.statement)}{author}",
             soft_wrap=True,
         )
 

@@ -40,6 +40,10 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
             help="Only this outcome (success, failure, void, running, unjudged) or end reason (collision ...).",
         ),
     ] = "",
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option("--disturb", metavar="A,B@3", help="Only episodes with these disturbances; none: undisturbed."),
+    ] = None,
     tag: Annotated[
         list[str] | None, typer.Option("--tag", metavar="A,B", help="Only episodes with all of these tags.")
     ] = None,
@@ -66,6 +70,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
     from vsnbench.cli.results.episode_page import COLORS, metres
+    from vsnbench.protocol.disturbances import NONE, parse_disturbances
     from vsnbench.results.annotations import read_tag
     from vsnbench.results.reading.queries import count_episodes, list_episodes
     from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
@@ -77,6 +82,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         goals=split_list(goal),
         campaign=campaign,
         outcome=outcome,
+        disturbances=None if not disturb else NONE if disturb == ["none"] else parse_disturbances(disturb),
         tags=tuple(map(read_tag, split_list(tag))),
         note=note,
     )
@@ -93,9 +99,11 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         typer.echo("no episodes found", err=True)
         return
     has_tags = any(episode.tags for episode in episodes)
+    is_disturbed = any(episode.disturbances for episode in episodes)
     columns = (
         ListColumn("episode", right=True),
         name_column("model"),
+        *([name_column("disturbed")] if is_disturbed else []),
         ListColumn("goal"),
         ListColumn("start", right=True),
         ListColumn("result"),
@@ -110,6 +118,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         row = (
             str(episode.id),
             safe(episode.model),
+            *([safe(episode.disturbances)] if is_disturbed else []),
             safe(episode.goal),
             str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else ""),
             f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
@@ -189,6 +198,7 @@ def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
         "campaign": episode.campaign,
         "campaign_id": episode.campaign_id,
         "model": episode.model,
+        "disturbances": episode.disturbances,
         "robot": episode.robot,
         "simulated": episode.simulated,
         "site": episode.site,

@@ -3,24 +3,77 @@
 import logging
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results, results_directory
 from vsnbench.cli.support.output import Json, print_files, print_result
+from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
 
 logger = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True)
 
-Numbers = Annotated[list[int] | None, typer.Argument(show_default="all that have ended", help="Numbers of episodes.")]
+_FORMAT_SUFFIXES = (".tum", ".csv", ".json", ".bag", ".mcap", ".mp4", ".parquet", ".zip")
+
+
+def _number(text: str) -> int:
+    """Return an episode's number; a path has its own option.
+
+    Raises:
+        BadParameter: the text is not a number.
+    """
+    try:
+        number = int(text)
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not an episode's number; a path is --output {text}") from error
+    if number < 1:
+        raise typer.BadParameter(f"{text} is not an episode's number; they begin at 1")
+    return number
+
+
+def _file(output: Path, suffix: str) -> Path:
+    """Return a file to write.
+
+    Raises:
+        UsageError: it has another suffix, or is a directory.
+    """
+    if output.suffix.lower() != suffix or output.is_dir():
+        raise UsageError(f"--output {output} must be a {suffix} file", advice=f"--output {output.with_suffix(suffix)}")
+    return output
+
+
+def _directory(output: Path) -> Path:
+    """Return a directory to write into.
+
+    Raises:
+        UsageError: it is a file, or is named like one.
+    """
+    if output.suffix.lower() in _FORMAT_SUFFIXES or output.is_file():
+        raise UsageError(
+            f"--output {output} must be a directory, which gets the files", advice=f"--output {output.with_suffix('')}/"
+        )
+    return output
+
+
+def _output(kind: str) -> Any:
+    return typer.Option("--output", "-o", metavar=kind, help="Where to write.", show_default=False)
+
+
+Numbers = Annotated[
+    list[int] | None,
+    typer.Argument(parser=_number, metavar="NUMBER", show_default="all that have ended", help="Numbers of episodes."),
+]
+Number = Annotated[int, typer.Argument(parser=_number, metavar="NUMBER", help="Number of the episode.")]
+Directory = Annotated[Path, _output("DIR")]
+CsvFile = Annotated[Path, _output("FILE.csv")]
 
 
 @app.command()
 def tum(
-    directory: Annotated[Path, typer.Argument(help="Directory for one file per episode.")],
+    output: Directory,
     numbers: Numbers = None,
     model: Models = None,
     results: Results = None,
@@ -29,12 +82,12 @@ def tum(
 ) -> None:
     """Write trajectories in the TUM format: timestamp tx ty tz qx qy qz qw.
 
-    Example: [bold]vsnbench export tum trajectories/ && evo_traj tum trajectories/*.tum[/bold]
+    Example: [bold]vsnbench export tum --output trajectories/ && evo_traj tum trajectories/*.tum[/bold]
     """
     from vsnbench.interop.episodes import read_episodes, write_tum
     from vsnbench.results.reading.queries import episode_steps
 
-    written = []
+    directory, written = _directory(output), []
     with open_results(results, db) as (_, engine):
         for episode in read_episodes(engine, numbers or (), split_list(model)):
             path = directory / f"{episode.id:06d}.tum"
@@ -45,7 +98,7 @@ def tum(
 
 @app.command()
 def habitat(
-    directory: Annotated[Path, typer.Argument(help="Directory for the two files.")],
+    output: Directory,
     numbers: Numbers = None,
     model: Models = None,
     results: Results = None,
@@ -54,11 +107,12 @@ def habitat(
 ) -> None:
     """Write episode_results.json and aggregated_results.json in Habitat's style, for the episodes that count.
 
-    Example: [bold]vsnbench export habitat results-habitat/ --model vlv[/bold]
+    Example: [bold]vsnbench export habitat --model vlv --output results-habitat/[/bold]
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.habitat import write_habitat
 
+    directory = _directory(output)
     with open_results(results, db) as (_, engine):
         written = write_habitat(read_episodes(engine, numbers or (), split_list(model)), directory)
     files = [str(directory / name) for name in ("episode_results.json", "aggregated_results.json")]
@@ -68,7 +122,7 @@ def habitat(
 
 @app.command("csv")
 def csv_(
-    file: Annotated[Path, typer.Argument(help="Path of the CSV file.")],
+    output: CsvFile,
     numbers: Numbers = None,
     model: Models = None,
     results: Results = None,
@@ -77,12 +131,13 @@ def csv_(
 ) -> None:
     """Write every step of every episode to one CSV file.
 
-    Example: [bold]vsnbench export csv steps.csv 17 18[/bold]
+    Example: [bold]vsnbench export csv 17 18 --output steps.csv[/bold]
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.step_csv import write_steps
     from vsnbench.results.reading.queries import episode_steps
 
+    file = _file(output, ".csv")
     with open_results(results, db) as (_, engine):
         episodes = read_episodes(engine, numbers or (), split_list(model))
         written = write_steps(episodes, lambda episode: episode_steps(engine, episode.id), file)
@@ -92,21 +147,22 @@ def csv_(
 
 @app.command()
 def bag(
-    number: Annotated[int, typer.Argument(help="Number of the episode.", min=1)],
-    file: Annotated[Path, typer.Argument(help="Path of the bag.")],
+    number: Number,
+    output: Annotated[Path, _output("FILE.bag")],
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
 ) -> None:
     """Write an episode as a ROS 1 bag: images, odometry, actions.
 
-    Example: [bold]vsnbench export bag 17 episode.bag && rosbag info episode.bag[/bold]
+    Example: [bold]vsnbench export bag 17 --output episode.bag && rosbag info episode.bag[/bold]
     """
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.recorded_messages import COLOR
     from vsnbench.interop.rosbag import write_bag
     from vsnbench.results.reading.queries import episode_steps
 
+    file = _file(output, ".bag")
     with open_results(results, db) as (place, engine):
         (episode,) = read_episodes(engine, [number])
         messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
@@ -118,7 +174,7 @@ def bag(
 
 @app.command()
 def mcap(
-    directory: Annotated[Path, typer.Argument(help="Directory for one file per episode.")],
+    output: Directory,
     numbers: Numbers = None,
     model: Models = None,
     results: Results = None,
@@ -127,7 +183,7 @@ def mcap(
 ) -> None:
     """Write MCAP files with ROS 2 messages for Foxglove and `ros2 bag`: images, odometry, frames, actions.
 
-    Example: [bold]vsnbench export mcap foxglove/ 17 18 && ros2 bag info foxglove/000017.mcap[/bold]
+    Example: [bold]vsnbench export mcap 17 18 --output foxglove/ && ros2 bag info foxglove/000017.mcap[/bold]
     """
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.interop.episodes import read_episodes
@@ -135,7 +191,7 @@ def mcap(
     from vsnbench.interop.recorded_messages import COLOR
     from vsnbench.results.reading.queries import episode_steps
 
-    written = []
+    directory, written = _directory(output), []
     with open_results(results, db) as (place, engine), ProgressBars() as progress:
         episodes = read_episodes(engine, numbers or (), split_list(model))
         for done, episode in enumerate(episodes):
@@ -150,7 +206,7 @@ def mcap(
 
 @app.command()
 def lerobot(
-    directory: Annotated[Path, typer.Argument(help="Directory for the dataset; new or empty.")],
+    output: Directory,
     numbers: Numbers = None,
     model: Models = None,
     goal: Goals = None,
@@ -165,10 +221,11 @@ def lerobot(
 
     Episodes without verdict, images or odometry are left out.
 
-    Example: [bold]vsnbench export lerobot dataset/ --model oracle --goal chair[/bold]
+    Example: [bold]vsnbench export lerobot --model oracle --goal chair --output dataset/[/bold]
     """
     from vsnbench.cli.results.lerobot_export import export_lerobot
 
+    directory = _directory(output)
     place, chosen = results_directory(results, db), (numbers or (), split_list(model), split_list(goal))
     done = export_lerobot(place, directory, *chosen, with_depth=depth)
     text = f"{counted(done.episodes, 'episode')} with {counted(done.frames, 'frame')} in {directory}"
@@ -177,7 +234,9 @@ def lerobot(
 
 @app.command("episodes")
 def episodes_(
-    file: Annotated[Path, typer.Argument(help="Path of the CSV file.")],
+    output: CsvFile,
+    numbers: Numbers = None,
+    model: Models = None,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -186,12 +245,20 @@ def episodes_(
 
     The columns are those of `open_results("results").episodes()` in Python.
 
-    Example: [bold]vsnbench export episodes episodes.csv[/bold]
+    Example: [bold]vsnbench export episodes --output episodes.csv[/bold]
     """
     from vsnbench.files.atomic import atomic_file
+    from vsnbench.interop.episodes import read_episodes
     from vsnbench.report.frames import Results as Record
+    from vsnbench.results.schema.migrate import open_record
 
-    frame = Record(results_directory(results, db).database_url).episodes()
+    file = _file(output, ".csv")
+    place, models = results_directory(results, db), split_list(model)
+    frame = Record(place.database_url).episodes()
+    if numbers or models:
+        with open_record(place.database_url) as engine:
+            chosen = [episode.id for episode in read_episodes(engine, numbers or (), models)]
+        frame = frame[frame["episode"].isin(chosen)]
     with atomic_file(file) as part:
         frame.to_csv(part, index=False)
     fields = {"files": [str(file)], "episodes": len(frame)}
@@ -201,7 +268,10 @@ def episodes_(
 @app.command()
 def video(  # noqa: PLR0913 - Typer needs a parameter per option
     numbers: Annotated[
-        list[int] | None, typer.Argument(show_default="all that match the options", help="Numbers of episodes.", min=1)
+        list[int] | None,
+        typer.Argument(
+            parser=_number, metavar="NUMBER", show_default="all that match the options", help="Numbers of episodes."
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -229,6 +299,8 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.cli.results.video_export import VideoRequest, export_videos
 
+    if output is not None and output.suffix and output.suffix.lower() != ".mp4":
+        raise UsageError(f"--output {output} must be an .mp4 file or a directory", advice=f"--output {output.stem}.mp4")
     request = VideoRequest(
         tuple(numbers or ()), split_list(model), split_list(goal), failures, pair, montage, output, size, speed
     )

@@ -69,6 +69,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     only_reference: Annotated[
         bool, typer.Option("--only-reference", help="Print only the paper's Tables 3 to 6.")
     ] = False,
+    table: Annotated[
+        list[str] | None, typer.Option("--table", metavar="A,B", help="Only these tables, by their names in --output.")
+    ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option("--figure", metavar="A,B", help="Only these figures of --output, by their names."),
+    ] = None,
     all_tables: Annotated[bool, typer.Option("--all-tables", help="Print every table that --output writes.")] = False,
     results: Results = None,
     db: Database = None,
@@ -85,8 +92,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report --reference paper            with the paper's results
         vsnbench report --all-tables                 seeds, failures, starts ...
         vsnbench report --output report/             page, tables, figures
+        vsnbench report --table success -f latex     one table for a paper
         vsnbench report --serve                      the page in a browser
-        vsnbench report --website site/              files for a web server
+        vsnbench report --website site/              files for a browser or a web server
         vsnbench report --only-reference             the paper's own tables
 
     Void attempts (failed motion, lost sensor, model error, aborted,
@@ -94,6 +102,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import build
+    from vsnbench.report.output import named
 
     form = Format.JSON if as_json else form
     if output is not None and output.suffix in _FILES and not output.is_dir():
@@ -120,12 +129,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         from vsnbench.report.figures.choose import build_and_draw
 
         report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
-        _write_or_serve(report, drawn, output, port if serve else None, as_json=as_json)
+        drawn = named(drawn, split_list(figure), "--figure")
+        _write_or_serve(report, drawn, output, port if serve else None, split_list(table), as_json=as_json)
     else:
         # Activity takes seconds to read: JSON has all results, a table on the terminal must appear at once.
-        activity = all_tables or form is Format.JSON
+        activity = all_tables or table is not None or form is Format.JSON
         report = build(place.database_url, selection, place.path, reference=with_paper, activity=activity)
-        _print_report(form, report, long=all_tables)
+        if table is not None and form not in (Format.JSON, Format.CSV):
+            print_tables_as(form, named(report.tables(long=True), split_list(table), "--table"))
+        else:
+            _print_report(form, report, long=all_tables)
 
 
 def _write_website(
@@ -190,14 +203,20 @@ def print_tables_as(form: str, tables: "Sequence[ReportTable]") -> None:
 
 
 def _write_or_serve(
-    report: "Report", drawn: "Sequence[Drawing]", output: Path | None, port: int | None, *, as_json: bool
+    report: "Report",
+    drawn: "Sequence[Drawing]",
+    output: Path | None,
+    port: int | None,
+    only_tables: "Sequence[str]",
+    *,
+    as_json: bool,
 ) -> None:
     """Write the report into a directory, serve its page, or both."""
     from vsnbench.report.formats.html import html_page
     from vsnbench.report.output import serve_page, write_report
 
     if output is not None:
-        print_files(write_report(report, drawn, output), as_json=as_json)
+        print_files(write_report(report, drawn, output, only_tables), as_json=as_json)
         sys.stderr.write(f"page: {output / 'report.html'} (self-contained)\n")
     if port is not None:
         page = html_page(report, report.tables(long=True), drawn)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.atomic import PART, part_path, sweep_part_directory
 from vsnbench.files.mp4 import write_mp4
+from vsnbench.installation import command_to_add
 from vsnbench.interop.lerobot.features import CAMERA, DEPTH, ENCODING, FRAMES_PER_S, arrow_schema, columns, features
 from vsnbench.interop.lerobot.frames import EpisodeFrames, RecordedImages, Sizes
 from vsnbench.interop.lerobot.metadata import CHUNK_FILES, DATA_FILE_MB, VIDEO_FILE_MB, path_in, write_metadata
@@ -88,7 +89,7 @@ def require_libraries() -> None:
     except ImportError as error:
         raise UsageError(
             "LeRobot datasets require the libraries PyAV and pyarrow",
-            advice="pip install 'vsnbench[lerobot]'",
+            advice=command_to_add("lerobot"),
             code="missing-extra",
         ) from error
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from vsnbench.errors import ModelError, UsageError
+from vsnbench.installation import command_to_add
 
-INSTALL_HINT: Final = "pip install 'vsnbench[neural]'"
 DEVICES: Final = ("auto", "cpu", "cuda", "mps")
 _CONTEXT_BYTES: Final = 768 * 2**20
 """GPU memory of CUDA and its libraries per process, which PyTorch does not count: 730 MB on an H100."""
@@ -39,7 +39,7 @@ def require_torch() -> None:
         ModelError: it is not installed.
     """
     if not torch_is_installed():
-        raise ModelError(f"this model needs PyTorch, which is not installed: {INSTALL_HINT}")
+        raise ModelError(f"this model needs PyTorch, which is not installed: {command_to_add('neural')}")
 
 
 def available_device(requested: str) -> str:
@@ -54,7 +54,7 @@ def available_device(requested: str) -> str:
     if not torch_is_installed():
         if requested in ("auto", "cpu"):
             return "cpu"
-        raise ModelError(f"a {requested} device needs PyTorch, which is not installed: {INSTALL_HINT}")
+        raise ModelError(f"a {requested} device needs PyTorch, which is not installed: {command_to_add('neural')}")
     import torch
 
     available = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}

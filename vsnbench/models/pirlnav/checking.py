@@ -3,7 +3,8 @@
 import statistics
 import time
 
-from vsnbench.models.checkpoints.torch_runtime import INSTALL_HINT, torch_is_installed
+from vsnbench.installation import command_to_add
+from vsnbench.models.checkpoints.torch_runtime import torch_is_installed
 from vsnbench.models.contract import ModelCheck, Timing
 from vsnbench.models.pirlnav.acceleration import choose_engine, reference_engine
 from vsnbench.models.pirlnav.checkpoint import Checkpoint
@@ -26,7 +27,7 @@ def check_checkpoint(checkpoint: Checkpoint, settings: PIRLNavSettings, device: 
     agreement, warning = chosen.agreement, chosen.refused
     engines = [chosen.engine]
     if not torch_is_installed():
-        warning = f"not compared with PyTorch, which is not installed: {INSTALL_HINT}"
+        warning = f"not compared with PyTorch, which is not installed: {command_to_add('neural')}"
     elif agreement is not None:
         engines.insert(0, reference_engine(checkpoint))
     parity = None

@@ -64,7 +64,7 @@ def latex(tables: Iterable[ReportTable]) -> str:
     """Return one float per table: `table` if it fits a column of a two-column paper, else `table*`."""
     tables = list(tables)
     names = "".join(f"% {escaped(words)}\n" for words in footnotes_of(tables))
-    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_float(table) for table in tables) + "\n"
+    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_flushed([_float(table) for table in tables])) + "\n"
 
 
 def document(tables: Iterable[ReportTable], figures: Iterable[tuple[str, bool, str]] = ()) -> str:
@@ -80,10 +80,15 @@ def document(tables: Iterable[ReportTable], figures: Iterable[tuple[str, bool, s
         [r"\section*{Names of the conditions}", r"\begin{itemize}", *names, r"\end{itemize}"] if names else []
     )
     floats = [*(_figure(*figure) for figure in figures), *(_float(table) for table in tables)]
-    parts = [
-        "\n".join([*floats[at : at + _FLOATS_AT_ONCE], r"\clearpage"]) for at in range(0, len(floats), _FLOATS_AT_ONCE)
-    ]
-    return "\n".join([_OPENING, *names_section, *parts, r"\end{document}", ""])
+    return "\n".join([_OPENING, *names_section, *_flushed(floats), r"\clearpage", r"\end{document}", ""])
+
+
+def _flushed(floats: list[str]) -> list[str]:
+    """Return floats with commands that clear the page before more than LaTeX can queue."""
+    parts: list[str] = []
+    for place, each in enumerate(floats):
+        parts += [r"\clearpage", each] if place and place % _FLOATS_AT_ONCE == 0 else [each]
+    return parts
 
 
 def escaped(text: str) -> str:
@@ -119,7 +124,7 @@ def _float(table: ReportTable) -> str:
         rf"\begin{{{environment}}}[tbp]",
         r"\centering",
         rf"\caption{{{_caption(table)}}}",
-        rf"\label{{tab:{_label(table.name)}}}",
+        rf"\label{{tab:{label(table.name)}}}",
         rf"{size}\setlength{{\tabcolsep}}{{{_GAP_PT / 2:g}pt}}",
         rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"\toprule",
@@ -189,5 +194,6 @@ def _caption(table: ReportTable) -> str:
     return " ".join(parts)
 
 
-def _label(name: str) -> str:
+def label(name: str) -> str:
+    """Return the name of a table for a label or a file."""
     return "".join(mark if mark.isalnum() else "-" for mark in name)

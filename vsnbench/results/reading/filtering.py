@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, or_
+from sqlalchemy import ColumnElement, Connection, Select, or_, select
 
+from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.annotations import has_note, has_tag
 from vsnbench.results.reading.blinding import CAMPAIGN_KEY, CAMPAIGN_NAME, MODEL_NAME
 from vsnbench.results.reading.read_model import END_REASON, SUCCESS
@@ -17,7 +18,9 @@ _SUCCESS = {"success": True, "failure": False}
 _STATES = {"running": ACTIVE, "unjudged": (EpisodeState.AWAITING,), "void": (EpisodeState.VOID,)}
 
 
-def restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[*tuple[Any, ...]]:
+def restricted(
+    connection: Connection, query: Select[*tuple[Any, ...]], which: EpisodeFilter
+) -> Select[*tuple[Any, ...]]:
     """Return a query of `episodes_of_campaigns` with the conditions of a filter."""
     if which.models:
         query = query.where(MODEL_NAME.in_(list(which.models)))
@@ -30,6 +33,11 @@ def restricted(query: Select[*tuple[Any, ...]], which: EpisodeFilter) -> Select[
         if len(which.campaign) >= _SHORTEST_KEY:
             same.append(CAMPAIGN_KEY.startswith(which.campaign, autoescape=True))
         query = query.where(or_(*same))
+    if which.disturbances is not None:
+        campaigns = connection.execute(select(Campaign.id, Campaign.conditions))
+        wanted = which.disturbances.text
+        like = [row.id for row in campaigns if text_of_conditions(row.conditions) == wanted]
+        query = query.where(Campaign.id.in_(like))
     query = query.where(*map(has_tag, which.tags))
     if which.note:
         query = query.where(has_note(which.note))

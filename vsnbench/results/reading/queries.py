@@ -11,6 +11,7 @@ from sqlalchemy import Connection, Engine, Select, func, select
 from sqlalchemy.orm import aliased
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.annotations import tags_of
 from vsnbench.results.goals import goal_of_trial, with_goals
 from vsnbench.results.reading.blinding import (
@@ -56,8 +57,8 @@ from vsnbench.values.step import StepRecord
 
 def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
     """Return episodes by number; with a limit, the latest ones."""
-    query = restricted(_summary_query(), which)
     with transaction(reading(engine)) as connection:
+        query = restricted(connection, _summary_query(), which)
         if limit is None:
             rows = connection.execute(query.order_by(Episode.id)).all()
         else:
@@ -67,8 +68,8 @@ def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None
 
 def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
     """Return the number of episodes that match a filter."""
-    query = restricted(episodes_of_campaigns(func.count(Episode.id)), which)
     with transaction(reading(engine)) as connection:
+        query = restricted(connection, episodes_of_campaigns(func.count(Episode.id)), which)
         return int(connection.execute(query).scalar_one())
 
 
@@ -173,6 +174,7 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
             Campaign.seed,
             planned,
             done,
+            Campaign.conditions,
         )
         .join(Model, Model.id == Campaign.model_id)
         .join(Robot, Robot.id == Campaign.robot_id)
@@ -180,7 +182,10 @@ def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
         .order_by(Campaign.id)
     )
     with transaction(reading(engine)) as connection:
-        return tuple(CampaignState(*row) for row in connection.execute(query))
+        return tuple(
+            replace(CampaignState(*row[:-1]), disturbances=text_of_conditions(row.conditions))
+            for row in connection.execute(query)
+        )
 
 
 def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
@@ -232,6 +237,7 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
         Episode.ended_at,
         Episode.images_directory,
         Campaign.protocol["success_distance_m"].as_float(),
+        Campaign.conditions,
     )
 
 
@@ -248,7 +254,7 @@ def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
 
 def _summaries(connection: Connection, rows: Sequence[Any]) -> tuple[EpisodeSummary, ...]:
     tags = tags_of(connection, (row.id for row in rows))
-    found = (EpisodeSummary(*row) for row in rows)
+    found = (replace(EpisodeSummary(*row[:-1]), disturbances=text_of_conditions(row.conditions)) for row in rows)
     return tuple(replace(summary, tags=tags[summary.id]) if summary.id in tags else summary for summary in found)
 
 

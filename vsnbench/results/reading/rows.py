@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.goals import RecordedGoal
@@ -24,6 +25,8 @@ class EpisodeFilter:
     """`success`, `failure`, `void`, `running`, `unjudged` or an end reason."""
     tags: tuple[str, ...] = ()
     """Episodes with all of these tags."""
+    disturbances: Disturbances | None = None
+    """Episodes with exactly these disturbances; None for all episodes."""
     note: str = ""
     """Episodes with these words in a note, or in the note of a verdict."""
 
@@ -68,6 +71,8 @@ class EpisodeSummary:
     images_directory: str
     success_distance_m: float | None
     """Success distance of the campaign's protocol; None if it has none."""
+    disturbances: str = ""
+    """Disturbances of what the model saw, as on the command line: `blur=2`."""
     tags: tuple[str, ...] = ()
     """In alphabetical order."""
 
@@ -116,6 +121,11 @@ class RecordedEvent:
     author: str
     """Author of the event; empty without an author."""
     text: str
+
+    @property
+    def statement(self) -> str:
+        """The text without the number of the action, with which texts of earlier versions begin."""
+        return self.text.removeprefix(f"action {self.step_number}: ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,3 +230,10 @@ class CampaignState:
     trials: int
     done: int
     """Number of trials with an episode that counts."""
+    disturbances: str = ""
+    """Disturbances of what the model sees, as on the command line: `blur=2`."""
+
+    @property
+    def title(self) -> str:
+        """The name with the disturbances, which the name does not have."""
+        return f"{self.name} with {self.disturbances}" if self.disturbances else self.name

@@ -24,6 +24,7 @@ from vsnbench.config import same_file_above
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.bounded_json import parse_json
 from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.installation import command_to_add
 from vsnbench.results.database_url import parse_url, redacted_url
 from vsnbench.results.schema.guard import OBJECTS, refuse_foreign_schema
 
@@ -88,7 +89,7 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockWait | None 
     except ImportError as error:
         raise UsageError(
             f"the driver for {redacted_url(url)} is not installed ({error})",
-            advice="pip install 'vsnbench[postgresql]'",
+            advice=command_to_add("postgresql"),
         ) from error
     _set_up_sqlite(engine, patience or LockWait(), read_only=read_only)
     return engine

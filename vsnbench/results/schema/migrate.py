@@ -1,6 +1,7 @@
 """Migrates databases to the current schema with Alembic, and rejects newer schemas."""
 
 import contextlib
+import logging
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -14,13 +15,16 @@ from sqlalchemy import Connection, Engine, inspect, or_, select, text
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import part_path
 from vsnbench.files.package_data import resource_directory
-from vsnbench.results.database_url import sqlite_path
+from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.results.database_url import sqlite_path, sqlite_url
+from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import database_label, opened_engine, record_errors
 from vsnbench.results.schema.tables import Campaign, Model, Robot, Site
 
 if TYPE_CHECKING:
     from alembic.config import Config
 
+logger = logging.getLogger(__name__)
 HEAD: Final = "0009"
 """Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
 NEWEST: Final = "newest.sql"
@@ -55,13 +59,37 @@ def schema_state(engine: Engine) -> SchemaState:
 def open_record(url: str) -> Iterator[Engine]:
     """Open an existing record for reading, and close it at the end of the block.
 
+    A file with an older schema stays as it is: an upgraded copy is read, which exists until the end of the block.
+
     Raises:
         UsageError: the URL is invalid.
-        RecordError: no record exists, or its schema is not the current one.
+        RecordError: no record exists, its schema is newer, or a server's database has an older one.
     """
-    with opened_engine(url, read_only=True) as engine:
+    with contextlib.ExitStack() as stack:
+        engine = stack.enter_context(opened_engine(url, read_only=True))
+        if _is_older_file(engine):
+            engine = stack.enter_context(_upgraded_copy(url))
         _check_readable(engine)
         yield engine
+
+
+def _is_older_file(engine: Engine) -> bool:
+    if engine.dialect.name != "sqlite" or _has_head(engine):
+        return False
+    state = schema_state(engine)
+    return state.current is not None and not state.up_to_date
+
+
+@contextmanager
+def _upgraded_copy(url: str) -> Iterator[Engine]:
+    with ScratchDirectory("older") as scratch:
+        copy = sqlite_url(scratch.path / "vsnbench.db")
+        backup(url, scratch.path / "vsnbench.db")
+        with opened_engine(copy) as engine:
+            upgrade(engine, is_copy=True)
+        logger.info("%s has an older schema; an upgraded copy is read", sqlite_path(url))
+        with opened_engine(copy, read_only=True) as engine:
+            yield engine
 
 
 def _check_readable(engine: Engine) -> None:

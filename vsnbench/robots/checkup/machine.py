@@ -5,6 +5,7 @@ from pathlib import Path
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.files.disk_speed import write_speed
+from vsnbench.installation import command_to_add
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -127,13 +128,11 @@ def _check_extra(extra: Extra) -> CheckResult:
     wrong = [package for package in extra.packages if package.installed and not package.fits]
     if wrong:
         seen = ", ".join(f"{package.name} {package.installed} (needs {package.required})" for package in wrong)
-        return CheckResult(what, Health.WARNING, seen, f"pip install 'vsnbench[{extra.name}]'")
+        return CheckResult(what, Health.WARNING, seen, command_to_add(extra.name))
     if extra.installed:
         versions = ", ".join(f"{package.name} {package.installed}" for package in extra.packages)
         return CheckResult(what, Health.OK, versions)
-    return CheckResult(
-        what, Health.ABSENT, f"not installed; for {extra.purpose}", f"pip install 'vsnbench[{extra.name}]'"
-    )
+    return CheckResult(what, Health.ABSENT, f"not installed; for {extra.purpose}", command_to_add(extra.name))
 
 
 def _shortened(path: Path) -> str:

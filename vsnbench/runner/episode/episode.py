@@ -133,7 +133,7 @@ def run_episode(
             spent, here = step.spent, step.after
             operator.step_taken(plan, step)
             if step.blocked:
-                recorder.event("blocked", f"action {step.index}: {step.refusal}")
+                recorder.event("blocked", step.refusal)
                 if reason is None and step.guard is not None:
                     stepper.watch.refused(step.guard)
         if step.result is not None and not reason.is_result:

@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.files.home import expanded
+from vsnbench.installation import command_to_add, command_to_install
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.text.sanitize import error_line
 
@@ -69,7 +70,7 @@ def connect(address: ClusterAddress) -> Any:
         VsnbenchError: the cluster does not answer, wants another token, or runs another version.
     """
     if importlib.util.find_spec("ray") is None:
-        raise UsageError("Ray is not installed", advice="pip install 'vsnbench[ray]'")
+        raise UsageError("Ray is not installed", advice=command_to_add("ray"))
     try:
         socket.create_connection((address.host, address.port), KNOCK_TIMEOUT_S).close()
     except OSError as error:
@@ -166,6 +167,7 @@ def refusal(address: ClusterAddress, error: BaseException) -> VsnbenchError:
         server = re.search(r"started with:\s*Ray: ([\w.]+)", text)
         return VsnbenchError(
             f"--workers {address}: the cluster runs another version of Ray or Python: {text}",
-            advice=f"install the cluster's here: pip install 'ray[client]=={server[1] if server else '...'}'",
+            advice="install the cluster's here: "
+            + command_to_install(f"ray[client]=={server[1] if server else '...'}"),
         )
     return VsnbenchError(f"--workers {address}: {text}", advice="see docs/scale.md")

@@ -89,7 +89,7 @@ class BrowserApp:
         self._videos.remove()
 
     async def _session(self, request: Request) -> Response:
-        fields = {"csrf_token": csrf_token_for(request), "author": self._operator, "is_static": False}
+        fields = {"csrf_token": csrf_token_for(request), "author": self._operator}
         return JSONResponse(fields | {"title": str(self._results.path)})
 
     async def _version(self, _request: Request) -> Response:

@@ -27,6 +27,7 @@ SCHEMA: Final = 1
 COLUMNS: Final = (
     *("id", "model", "campaign", "robot", "simulated", "site", "goal", "start", "repetition", "outcome", "end_reason"),
     *("counts", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at", "has_images", "tags"),
+    "disturbances",
 )
 """Columns of the rows of `episodes_json`."""
 _MAX_TEXT = 4000
@@ -78,6 +79,7 @@ def _row(episode: EpisodeSummary, counts: bool) -> list[Any]:
         *(episode.actions, _rounded(episode.distance_to_goal_m, 3), _rounded(episode.path_length_m, 2)),
         *(_rounded(episode.geodesic_start_m, 2), _rounded(episode.duration_s, 1)),
         *(f"{episode.started_at:%Y-%m-%d %H:%M:%S}", bool(episode.images_directory), list(episode.tags)),
+        episode.disturbances,
     ]
 
 
@@ -128,7 +130,7 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
                 "step": event.step_number,
                 "kind": event.kind,
                 "author": event.author,
-                "text": event.text[:_MAX_TEXT],
+                "text": event.statement[:_MAX_TEXT],
                 "is_note": event.kind in (NOTE, TAGGED, UNTAGGED),
             }
             for event in details.events

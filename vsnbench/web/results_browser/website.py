@@ -1,4 +1,4 @@
-"""Writes the page of results as files that any static host serves: report, list, episodes, images, videos."""
+"""Writes the page of results as files for a static host or a browser: report, list, episodes, images, videos."""
 
 import json
 import shutil
@@ -38,9 +38,10 @@ EPISODES_PAGE: Final = "episodes.html"
 _OWN_DIRECTORIES = ("assets", "data", "images", "plan", "shared", "video")
 _IMAGE_WIDTH_PX = 480
 _JPEG_QUALITY = 80
+_OWN_FILES = "'self' file:"  # the second for a website that is opened as files
 _POLICY = (
-    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'self'; style-src 'self'; "
-    "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'\">"
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+    f"script-src {_OWN_FILES}; style-src {_OWN_FILES}; img-src {_OWN_FILES}; base-uri 'none'; form-action 'none'\">"
 )
 Progress = Callable[[str, int, int], object]
 
@@ -87,7 +88,7 @@ def write_website(
     )
     write_atomic(directory / HEADLINE, _json(_headline(report)))
     front = (ASSETS / "browse.html").read_text(encoding="utf-8").replace("<title>", f"{_POLICY}\n<title>")
-    write_atomic(directory / EPISODES_PAGE, front.encode())
+    write_atomic(directory / EPISODES_PAGE, front.replace("<html ", "<html data-static ").encode())
     for name, source in (("assets", ASSETS), ("shared", SHARED_ASSETS)):
         for file in sorted(source.iterdir()):
             if file.suffix in (".js", ".css", ".svg"):
@@ -111,19 +112,19 @@ def _write_episodes(
         listed = episodes_json(engine)
         listed["rows"] = [row for row in listed["rows"] if row[COLUMNS.index("id")] in chosen]
         kinds = {number: kind.value for number, kind in failure_kinds(engine, report.record)}
-        write_atomic(directory / "data" / "failures.json", _json({"is_complete": True, "kinds": kinds}))
-        session = {"is_static": True, "csrf_token": "", "author": "", "title": "results", "report": "index.html"}
-        write_atomic(directory / "data" / "session.json", _json(session))
+        _write_answer(directory, "data/failures.json", {"is_complete": True, "kinds": kinds})
+        session = {"csrf_token": "", "author": "", "title": "results", "report": "index.html"}
+        _write_answer(directory, "data/session.json", session)
         drawn: set[str] = set()
         for done, row in enumerate(listed["rows"]):
             number = int(row[COLUMNS.index("id")])
             progress("episodes", done, len(listed["rows"]))
             episode, details = episode_json(engine, number), episode_details(engine, number)
-            write_atomic(directory / "data" / f"episode-{number}.json", _json(episode))
+            _write_answer(directory, f"data/episode-{number}.json", episode)
             site, sha256 = site_of(details), details.provenance.site_sha256
             if site is not None and sha256 not in drawn:
                 drawn.add(sha256)
-                write_atomic(directory / "plan" / f"{sha256}.svg", plan_svg(site).encode())
+                _write_answer(directory, f"plan/{sha256}.svg", plan_svg(site))
             written = _write_images(results, details.summary.images_directory, episode, directory)
             row[COLUMNS.index("has_images")] = bool(written)
             images += written
@@ -135,8 +136,13 @@ def _write_episodes(
                 videos += 1
             except VsnbenchError as error:
                 problems.append(error.statement)
-        write_atomic(directory / "data" / "episodes.json", _json(listed))
+        _write_answer(directory, "data/episodes.json", listed)
     return WrittenWebsite(len(listed["rows"]), images, videos, tuple(problems))
+
+
+def _write_answer(directory: Path, path: str, content: object) -> None:
+    """Write what a server answers to a path, as a script that the page of episodes can also load from a file."""
+    write_atomic(directory / f"{path}.js", b"provide(%s,%s);\n" % (_json(path), _json(content)))
 
 
 def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any], directory: Path) -> int:

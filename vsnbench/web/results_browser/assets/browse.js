@@ -1,11 +1,5 @@
 // The page: reads the address, shows the list, the grid or an episode, and follows the record while it grows.
 
-import { load, make, objects, session, start } from "./data.js";
-import { EpisodePage } from "./episode.js";
-import { NAMES, disagreements, filterBar, matching } from "./filters.js";
-import { gridOf } from "./grid.js";
-import { EpisodeList } from "./list.js";
-
 const POLL_MS = 1500;
 const main = document.getElementById("main");
 const message = document.getElementById("message");
@@ -190,7 +184,7 @@ async function begin() {
   addEventListener("keydown", onKey);
   document.getElementById("help-button").addEventListener("click", () => document.getElementById("help").showModal());
   await show();
-  if (!session.is_static) setTimeout(poll, POLL_MS);
+  if (!isStatic) setTimeout(poll, POLL_MS);
 }
 
 begin();

@@ -1,8 +1,5 @@
 // One episode, or two of one trial side by side, step by step.
 
-import { MARKS, load, make, metres, post, resultText, session } from "./data.js";
-import { Plan } from "./plan.js";
-
 const PLAY_MS = 250;
 const PRELOADED = 6;
 const SCORES = 6;
@@ -19,7 +16,7 @@ class Player {
     this.banner = make("p", { class: "banner" });
     const { row } = episode;
     this.element = make("article", { class: "player", "aria-label": `episode ${row.id}` },
-      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), ` ${row.model} `,
+      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), ` ${row.condition} `,
         make("span", { class: "dim small" }, `${row.goal} from start ${row.start}`)),
       make("div", { class: "stage" }, make("figure", {}, this.image, this.none), this.plan.holder), this.banner, this.action, this.scores);
     this.image.addEventListener("error", () => { this.image.hidden = true; this.none.hidden = false; });
@@ -64,7 +61,7 @@ class Player {
   }
 }
 
-export class EpisodePage {
+class EpisodePage {
   constructor(numbers, rows, onAnnotated) {
     this.numbers = numbers;
     this.rows = rows;
@@ -76,6 +73,7 @@ export class EpisodePage {
 
   async open(place) {
     const episodes = await Promise.all(this.numbers.map((number) => load(`data/episode-${number}.json`)));
+    for (const episode of episodes) episode.row = titled(episode.row);
     this.episodes = episodes;
     this.players = episodes.map((episode) => new Player(episode));
     this.last = Math.max(...this.players.map((player) => player.last));
@@ -126,26 +124,26 @@ export class EpisodePage {
     const same = this.rows.filter((row) => row.site === first.row.site && row.goal === first.row.goal
       && row.start === first.row.start && row.repetition === first.row.repetition && !this.numbers.includes(row.id));
     const others = same.slice(-12).map((row) => make("a", { class: "chip", href: `#/compare/${first.row.id}/${row.id}` },
-      `${MARKS[row.outcome]} ${row.model} #${row.id}`));
+      `${MARKS[row.outcome]} ${row.condition} #${row.id}`));
     const video = make("a", { class: "chip", id: "video", href: `video/${this.numbers.join("-")}.mp4`, download: "" }, "Video");
     return make("nav", { class: "links", "aria-label": "episode" }, make("a", { class: "chip", href: "#/" }, "← results"),
-      this.episodes.every((episode) => episode.row.has_images) && !(session.is_static && this.numbers.length > 1) ? video : "",
+      this.episodes.every((episode) => episode.row.has_images) && !(isStatic && this.numbers.length > 1) ? video : "",
       ...(others.length ? [make("span", { class: "dim small" }, "next to"), ...others] : []));
   }
 
   facts(episode) {
     const { row } = episode;
-    const tags = make("p", { class: "chips" }, ...row.tags.map((tag) => session.is_static
+    const tags = make("p", { class: "chips" }, ...row.tags.map((tag) => isStatic
       ? make("span", { class: "chip" }, tag)
       : make("button", { class: "chip", "aria-label": `remove tag ${tag}`, onclick: () => this.annotate(row, { removed_tags: [tag] }) }, `${tag} ×`)));
-    const forms = session.is_static ? [] : [
+    const forms = isStatic ? [] : [
       this.form(row, "tag", "Add a tag", (text) => ({ tags: text.split(",") })),
       this.form(row, "note", "Add a note", (text) => ({ note: text })),
     ];
     const history = [
       ...episode.verdicts.map((given) => [given.at, `${given.proposed ? "proposed: " : ""}${given.reason}${given.note ? `; ${given.note}` : ""}`,
         `${given.author}, ${given.source}`]),
-      ...episode.events.map((event) => [event.at, `${event.kind}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
+      ...episode.events.map((event) => [event.at, `${event.kind.replaceAll("_", " ")}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
     ].sort((a, b) => (a[0] < b[0] ? -1 : 1));
     const summary = [["result", resultText(row)], ["distance", metres(row.distance_m)], ["path", `${metres(row.path_m)}, shortest ${metres(row.shortest_m)}`],
       ["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error]];

@@ -1,14 +1,12 @@
-// The grid of trials: goals by starting positions, a table for each model.
-
-import { MARKS, make, resultText } from "./data.js";
+// The grid of trials: goals by starting positions, a table for each model and its disturbances.
 
 const MOST_MARKS = 3;
 
-export function gridOf(rows, addressOf) {
-  const models = [...new Set(rows.map((row) => row.model))].sort();
+function gridOf(rows, addressOf) {
+  const models = [...new Set(rows.map((row) => row.condition))].sort();
   const starts = [...new Set(rows.map((row) => row.start))].sort((a, b) => a - b);
   const tables = models.map((model) => {
-    const own = rows.filter((row) => row.model === model);
+    const own = rows.filter((row) => row.condition === model);
     const counted = own.filter((row) => row.counts && ["success", "failure"].includes(row.outcome));
     const good = counted.filter((row) => row.outcome === "success").length;
     const cells = new Map();
@@ -23,7 +21,7 @@ export function gridOf(rows, addressOf) {
       const all = counted.filter((row) => row.goal === goal);
       const successes = all.filter((row) => row.outcome === "success").length;
       return make("tr", {}, make("th", { scope: "row" }, goal),
-        ...starts.map((start) => cellOf(cells.get(`${goal}\n${start}`) ?? [], addressOf, { model, goal, start })),
+        ...starts.map((start) => cellOf(cells.get(`${goal}\n${start}`) ?? [], addressOf, { goal, start })),
         make("td", { class: "sum" }, all.length ? `${successes}/${all.length}` : ""));
     });
     return make("section", { class: "card" },
@@ -34,14 +32,16 @@ export function gridOf(rows, addressOf) {
   return make("div", { class: "grids" }, ...tables);
 }
 
-function cellOf(rows, addressOf, { model, goal, start }) {
+function cellOf(rows, addressOf, { goal, start }) {
   if (!rows.length) return make("td", {});
   const shown = rows.filter((row) => row.counts || ["running", "void"].includes(row.outcome));
   if (shown.length > MOST_MARKS) {
     const decided = shown.filter((row) => row.counts && ["success", "failure"].includes(row.outcome));
     const good = decided.filter((row) => row.outcome === "success").length;
     const share = decided.length ? good / decided.length : 0;
-    const link = make("a", { href: addressOf({ model, goal, start: String(start), view: "list" }), class: "ratio" }, `${good}/${decided.length}`);
+    const { model, disturbances } = rows[0];
+    const own = { model, disturbances: disturbances || UNDISTURBED };
+    const link = make("a", { href: addressOf({ ...own, goal, start: String(start), view: "list" }), class: "ratio" }, `${good}/${decided.length}`);
     link.style.setProperty("--share", `${Math.round(share * 100)}%`);
     return make("td", {}, link);
   }

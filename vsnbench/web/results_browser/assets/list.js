@@ -1,10 +1,8 @@
 // The list of episodes. Only the visible rows are in the document, so that ten thousand scroll.
 
-import { MARKS, make, metres, resultText } from "./data.js";
-
 const cells = (row) => [
   ["id", `#${row.id}`],
-  ["model", row.model],
+  ["model", row.condition],
   ["goal", row.goal],
   ["start", `start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`],
   [`result ${row.outcome}`, `${MARKS[row.outcome]} ${resultText(row)}`],
@@ -16,7 +14,7 @@ const cells = (row) => [
 
 const pairCells = ([a, b]) => [
   ["id", `#${a.id} #${b.id}`],
-  ["model", `${a.model} / ${b.model}`],
+  ["model", `${a.condition} / ${b.condition}`],
   ["goal", a.goal],
   ["start", `start ${a.start}${a.repetition > 1 ? ` (${a.repetition})` : ""}`],
   ["result failure", `${MARKS.failure} ${resultText(a)}`],
@@ -27,7 +25,7 @@ const pairCells = ([a, b]) => [
 const HEADINGS = ["episode", "model", "goal", "start", "result", "actions", "to goal", "tags", "began (UTC)"];
 const PAIR_HEADINGS = ["episodes", "models", "goal", "start", "first", "second", "tags"];
 
-export class EpisodeList {
+class EpisodeList {
   // `items` are rows, or pairs of rows; `link` gives the address of one.
   constructor(items, link, isPairs) {
     this.items = items;

@@ -3,7 +3,7 @@
 const SVG = "http://www.w3.org/2000/svg";
 const loaded = new Map();
 
-function make(name, attributes) {
+function makeSvg(name, attributes) {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
   return made;
@@ -12,15 +12,12 @@ function make(name, attributes) {
 async function planOf(episode) {
   const key = episode.site_sha256;
   if (!loaded.has(key)) {
-    loaded.set(key, fetch(`plan/${key}.svg`).then(async (answer) => {
-      if (!answer.ok) throw new Error("no plan");
-      return new DOMParser().parseFromString(await answer.text(), "image/svg+xml").documentElement;
-    }).catch((error) => { loaded.delete(key); throw error; }));
+    loaded.set(key, load(`plan/${key}.svg`).then((text) => new DOMParser().parseFromString(text, "image/svg+xml").documentElement).catch((error) => { loaded.delete(key); throw error; }));
   }
   return document.importNode(await loaded.get(key), true);
 }
 
-export class Plan {
+class Plan {
   constructor(episode) {
     this.episode = episode;
     this.holder = document.createElement("div");
@@ -31,7 +28,7 @@ export class Plan {
       return;
     }
     planOf(episode).then((svg) => {
-      this.layer = make("g", {});
+      this.layer = makeSvg("g", {});
       svg.querySelector("g.plan").append(this.layer);
       for (const object of svg.querySelectorAll(".object")) {
         object.classList.toggle("goal", episode.targets.includes(object.dataset.id));
@@ -52,10 +49,10 @@ export class Plan {
     const at = (radius, angle) => `${x + radius * Math.cos(heading + angle)},${y + radius * Math.sin(heading + angle)}`;
     const kind = isEnd ? row.outcome : "driving";
     this.layer.replaceChildren(
-      make("polyline", { class: "rest", points: path.map(([a, b]) => `${a},${b}`).join(" ") }),
-      make("polyline", { class: "path", points: until.map(([a, b]) => `${a},${b}`).join(" ") }),
-      make("circle", { class: "begin", cx: path[0][0], cy: path[0][1], r: 0.1 }),
-      make("polygon", { class: `robot ${kind}`, points: [at(0.34, 0), at(0.24, 2.5), at(0.24, -2.5)].join(" ") }),
+      makeSvg("polyline", { class: "rest", points: path.map(([a, b]) => `${a},${b}`).join(" ") }),
+      makeSvg("polyline", { class: "path", points: until.map(([a, b]) => `${a},${b}`).join(" ") }),
+      makeSvg("circle", { class: "begin", cx: path[0][0], cy: path[0][1], r: 0.1 }),
+      makeSvg("polygon", { class: `robot ${kind}`, points: [at(0.34, 0), at(0.24, 2.5), at(0.24, -2.5)].join(" ") }),
     );
   }
 }

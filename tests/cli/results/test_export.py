@@ -1,0 +1,70 @@
+"""Every export takes numbers first and writes to --output."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_record_verbs import vsnbench
+from tests.web.results_browser.served_record import make_record
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("export") / "results"
+    make_record(directory)
+    return directory
+
+
+@pytest.mark.parametrize(
+    ("form", "output", "files"),
+    [
+        ("tum", "", ["000002.tum"]),
+        ("mcap", "", ["000002.mcap"]),
+        ("bag", "two.bag", ["two.bag"]),
+        ("csv", "two.csv", ["two.csv"]),
+        ("episodes", "two.csv", ["two.csv"]),
+        ("video", "two.mp4", ["two.mp4"]),
+        ("habitat", "", ["aggregated_results.json", "episode_results.json"]),
+    ],
+)
+def test_the_number_comes_before_the_output(
+    results: Path, tmp_path: Path, form: str, output: str, files: list[str]
+) -> None:
+    done = vsnbench(results, "export", form, "2", "--output", str(tmp_path / output))
+    assert (done.returncode, done.stderr) == (0, "") or "no images" in done.stderr
+    assert sorted(file.name for file in tmp_path.iterdir()) == files
+    if form == "episodes":
+        _, *rows = (tmp_path / output).read_text().splitlines()
+        assert [row.split(",")[0] for row in rows] == ["2"]
+
+
+@pytest.mark.parametrize("form", ["tum", "mcap", "csv", "episodes", "habitat", "lerobot"])
+@pytest.mark.parametrize("words", [["{}/1"], ["1"], ["0", "-o", "{}/out"]])
+def test_a_path_in_the_place_of_a_number_is_refused_and_nothing_is_written(
+    results: Path, tmp_path: Path, form: str, words: list[str]
+) -> None:
+    done = vsnbench(results, "export", form, *(word.format(tmp_path) for word in words))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert list(tmp_path.iterdir()) == []
+    assert not Path("1").exists()
+
+
+@pytest.mark.parametrize(
+    ("form", "output"),
+    [
+        *(("csv", name) for name in ("s.txt", "s.zip", "s")),
+        ("episodes", "e.zip"),
+        ("bag", "e.mcap"),
+        ("video", "e.avi"),
+        *((form, f"e.{form}") for form in ("tum", "mcap")),
+        ("habitat", "e.json"),
+        ("lerobot", "e.parquet"),
+    ],
+)
+def test_another_suffix_is_refused_and_nothing_is_written(
+    results: Path, tmp_path: Path, form: str, output: str
+) -> None:
+    done = vsnbench(results, "export", form, "1", "--output", str(tmp_path / output))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "--output" in done.stderr
+    assert list(tmp_path.iterdir()) == []
