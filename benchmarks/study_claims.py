@@ -136,8 +136,10 @@ def tables(studies: int) -> dict[str, tuple[list[str], list[Job]]]:
         ),
         "several arms": (
             [
-                "| arms | chances | rate | logit SD | **winner** | **all cover** | winner, single "
-                "| all cover, single |",
+                (
+                    "| arms | chances | rate | logit SD | **winner** | **all cover** | winner, single "
+                    "| all cover, single |"
+                ),
                 "| ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
             ],
             [partial(several_line, studies, *each) for each in several],
