@@ -73,13 +73,13 @@ def rank_line(samples: int, design: tuple[int, int, int], effects: tuple[float, 
 
 def rate_line(starts: int) -> str:
     """Return a line of the table `rate`, with one episode per position."""
-    rates = np.arange(5, 96) / 100
+    rates = np.arange(50, 951) / 1000
     intervals = [rate_interval(independent_outcomes(Proportion(k, starts))) for k in range(starts + 1)]
     covered = [
         sum(float(binom.pmf(k, starts, rate)) for k, interval in enumerate(intervals) if rate in interval)
         for rate in rates
     ]
-    return f"| {starts} | {100 * np.mean(covered):.1f} | {100 * min(covered):.1f} | {rates[np.argmin(covered)]:.2f} |"
+    return f"| {starts} | {100 * np.mean(covered):.1f} | {100 * min(covered):.1f} | {rates[np.argmin(covered)]:.3f} |"
 
 
 def test_line(samples: int, starts: int, goals: int, repetitions: int, rate: float) -> str:
