@@ -94,7 +94,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report --output report/             page, tables, figures
         vsnbench report --table success -f latex     one table for a paper
         vsnbench report --serve                      the page in a browser
-        vsnbench report --website site/              files for a browser or a web server
+        vsnbench report --website site/              all pages as files
         vsnbench report --only-reference             the paper's own tables
 
     Void attempts (failed motion, lost sensor, model error, aborted,
