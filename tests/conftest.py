@@ -151,6 +151,10 @@ LONGEST = (
     "ros2/test_faults.py",
     "ros2/test_doctor.py",
     "ros2/test_run.py",
+    "ros2/test_camera_faults.py",
+    "ros2/test_hazard_topics.py",
+    "cli/robots/test_doctor_hazards.py",
+    "robots/test_ros1_camera_faults.py",
 )
 """Files that start first, in this order: a long file that starts last leaves the other workers idle."""
 

@@ -78,7 +78,7 @@ def test_a_robot_in_another_domain_is_waited_for(refused) -> None:
         ("deaf", "/deaf/cmd_vel"),
         ("lasting", "/lasting/test_robot"),
         ("stamped", "set interface.command_type to geometry_msgs/msg/TwistStamped"),
-        ("docked", "vsnbench robots undock test-base-2@docked, or push it off by hand"),
+        ("docked", "robot.yaml@docked, or push it off by hand"),
         ("two", "/two/second_robot and /two/test_robot"),
     ],
 )
