@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from vsnbench.control.command import Command
 from vsnbench.control.settings import MotionSettings
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sensing.discrete_mover import DiscreteMover
@@ -61,8 +62,12 @@ class Stand:
         def now_s() -> float:
             return self.base.now_s
 
-        self.mover = DiscreteMover(self.base.set_command, self.settings, tracker, now_s, self.sleep_until, now_s)
+        self.mover = DiscreteMover(self.hear, self.settings, tracker, now_s, self.sleep_until, now_s)
         self.sleep_until(1.5)
+
+    def hear(self, command: Command) -> None:
+        """Pass a command of the mover to the base."""
+        self.base.set_command(command)
 
     def sleep_until(self, due_s: float) -> None:
         while self.base.now_s < due_s - 1e-9:
@@ -70,8 +75,11 @@ class Stand:
             now_s = self.base.now_s
             if now_s >= self._due_s - 1e-6:
                 self._due_s = max(self._due_s + 1 / self.rate_hz, now_s)
-                pose = self.base.read_odometry()
-                self.mover.take_odometry(pose.x_m, pose.y_m, math.remainder(pose.heading_rad, math.tau), now_s)
+                self.report(self.base.read_odometry())
+
+    def report(self, pose: Pose) -> None:
+        """Pass a reading of the odometry to the mover."""
+        self.mover.take_odometry(pose.x_m, pose.y_m, math.remainder(pose.heading_rad, math.tau), self.base.now_s)
 
     def ask(self, movement: str, angle_deg: int = 30) -> Outcome:
         """Have a discrete movement executed, and wait until the base is at rest."""

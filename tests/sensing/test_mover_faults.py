@@ -6,24 +6,16 @@ The limits hold for the rules of the mover alone. Over ROS, the transport of mes
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import pytest
 
+from tests.sensing.stand import SETTINGS, Stand
 from vsnbench.control.command import STANDSTILL, Command
-from vsnbench.control.settings import MotionSettings
-from vsnbench.robots.profiles import load_profile
-from vsnbench.sensing import discrete_mover
-from vsnbench.sensing.discrete_mover import DiscreteMover
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.movements import Outcome
-from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
-PROFILE = load_profile("turtlebot2")
-SETTINGS = MotionSettings.for_robot(PROFILE)
-STEP_S = 0.005
 RATE_HZ = 50.0
 FAULT_S = 1.0
 AT_ONCE_S = 2 * SETTINGS.control_period_s + 1 / RATE_HZ
@@ -31,54 +23,34 @@ AT_ONCE_S = 2 * SETTINGS.control_period_s + 1 / RATE_HZ
 
 
 @dataclass
-class VirtualBase:
-    """A base that follows commands at once, and its mover; time passes only while the mover sleeps."""
+class FaultyStand(Stand):
+    """A stand with one fault, after a second of driving."""
 
-    fault: Callable[["VirtualBase"], None] = lambda _: None
-    """Called once, after a second of driving."""
-    now_s: float = 0.0
-    pose: Pose = field(default_factory=lambda: Pose(0.0, 0.0, 0.3))
-    command: Command = STANDSTILL
-    sent: list[tuple[float, Command]] = field(default_factory=list)
+    fault: Callable[["FaultyStand"], None] = lambda _: None
     is_silent: bool = False
     is_stuck: bool = False
-    jump_m: float = 0.0
     is_nan: bool = False
+    jump_m: float = 0.0
     caller_is_gone: bool = False
     fault_s: float | None = None
-    mover: DiscreteMover = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._odometry_due_s = self._driven_s = 0.0
-        tracker = OdometryTracker(PROFILE.base.max_linear_m_s, PROFILE.base.max_angular_rad_s)
-        self.mover = DiscreteMover(self.hear, SETTINGS, tracker, lambda: self.now_s, self.sleep_until)
-        self.sleep_until(1.0)
+    sent: list[tuple[float, Command]] = field(default_factory=list)
+    _driven_s: float = 0.0
 
     def hear(self, command: Command) -> None:
-        self.command = command
-        self.sent.append((self.now_s, command))
-
-    def sleep_until(self, due_s: float) -> None:
-        while self.now_s < due_s - 1e-9:
-            self.now_s += STEP_S
-            self._advance()
-
-    def _advance(self) -> None:
-        moved = STANDSTILL if self.is_stuck else self.command
-        self._driven_s += STEP_S if self.command != STANDSTILL else 0.0
+        now_s = self.base.now_s
+        if self.sent and self.sent[-1][1] != STANDSTILL:
+            self._driven_s += now_s - self.sent[-1][0]
+        self.sent.append((now_s, command))
         if self._driven_s >= FAULT_S and self.fault_s is None:
-            self.fault_s = self.now_s
+            self.fault_s = now_s
             self.fault(self)
-        heading_rad = self.pose.heading_rad + moved.angular_rad_s * STEP_S
-        self.pose = Pose(
-            self.pose.x_m + moved.linear_m_s * STEP_S * math.cos(heading_rad),
-            self.pose.y_m + moved.linear_m_s * STEP_S * math.sin(heading_rad),
-            heading_rad,
-        )
-        if self.now_s >= self._odometry_due_s - 1e-9 and not self.is_silent:
-            self._odometry_due_s = self.now_s + 1 / RATE_HZ
-            x_m = math.nan if self.is_nan else self.pose.x_m + self.jump_m
-            self.mover.take_odometry(x_m, self.pose.y_m, math.remainder(heading_rad, math.tau), self.now_s)
+        super().hear(STANDSTILL if self.is_stuck else command)
+
+    def report(self, pose: Pose) -> None:
+        if not self.is_silent:
+            super().report(Pose(pose.x_m + self.jump_m, pose.y_m, pose.heading_rad))
+        if self.is_nan:
+            self.mover.take_odometry(math.nan, pose.y_m, 0.0, self.base.now_s)
 
     def execute(self, movement: str) -> Outcome:
         def gone() -> bool:
@@ -110,17 +82,17 @@ MOVEMENTS = ["Forward", "Left", *DRIVES]
 class Fault:
     """A fault, the reason of the end, and the limit for zero velocity."""
 
-    cause: Callable[[VirtualBase], None]
+    cause: Callable[[FaultyStand], None]
     says: str
     zeroed_s: float = AT_ONCE_S
     sensor_lost: bool = False
 
 
-def setting(name: str, value: object = True) -> Callable[[VirtualBase], None]:
+def setting(name: str, value: object = True) -> Callable[[FaultyStand], None]:
     return lambda base: setattr(base, name, value)
 
 
-def hazard(which: Hazard) -> Callable[[VirtualBase], None]:
+def hazard(which: Hazard) -> Callable[[FaultyStand], None]:
     return lambda base: base.mover.take_hazard(which, 0, True, "left")
 
 
@@ -137,23 +109,11 @@ FAULTS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def base_of_the_clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[VirtualBase], VirtualBase]:
-    """Silence is measured by the monotonic clock; here it is the base's."""
-
-    def follow(base: VirtualBase) -> VirtualBase:
-        clock = SimpleNamespace(monotonic=lambda: base.now_s)
-        monkeypatch.setattr(discrete_mover, "time", clock, raising=False)
-        return base
-
-    return follow
-
-
 @pytest.mark.parametrize("movement", MOVEMENTS)
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_ends_a_movement_for_its_reason_in_time(base_of_the_clock, name: str, movement: str) -> None:
+def test_a_fault_ends_a_movement_for_its_reason_in_time(name: str, movement: str) -> None:
     fault = FAULTS[name]
-    base = base_of_the_clock(VirtualBase(fault.cause))
+    base = FaultyStand(fault=fault.cause)
     outcome = base.execute(movement)
     assert outcome.answer is False
     assert fault.says in outcome.reason
