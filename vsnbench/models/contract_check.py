@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
-from vsnbench.models.camera_fit import comparison_text
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.decision_fit import fitting_decision
-from vsnbench.models.goal_fit import word_for
+from vsnbench.models.fit.camera import comparison_text
+from vsnbench.models.fit.decision import fitting_decision
+from vsnbench.models.fit.goal import word_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.step_sizes import assumed_steps
 from vsnbench.models.task import ProtocolFacts, RobotFacts, Task, task_of

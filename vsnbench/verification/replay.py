@@ -10,8 +10,8 @@ from typing import Any
 
 from sqlalchemy import Row
 
-from vsnbench.models.camera_fit import FIT_KEY
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.fit.camera import FIT_KEY
 from vsnbench.models.names import BUILT_IN
 from vsnbench.models.registry import create_policy
 from vsnbench.protocol.disturbances import CURRENT_EDITION, EDITION

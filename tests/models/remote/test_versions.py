@@ -13,7 +13,7 @@ from websockets.sync.server import ServerConnection
 from tests.models.remote.servers import CARD, STUB_OF_VERSION_1, look, scripted_server, stub_server
 from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import synthetic_task
-from vsnbench.models.goal_fit import misfit
+from vsnbench.models.fit.goal import misfit
 from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy

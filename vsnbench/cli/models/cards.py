@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 def card_rows(card: "ModelCard | None", profile: "RobotProfile | None" = None) -> list[tuple[str, str]]:
     """Return goals, answers, assumed step sizes and camera; with a profile, the comparison with the robot's camera."""
-    from vsnbench.models.camera_fit import comparison_text
+    from vsnbench.models.fit.camera import comparison_text
     from vsnbench.models.step_sizes import assumed_steps
 
     if card is None:

@@ -167,8 +167,8 @@ def check(
         vsnbench models check ws://127.0.0.1:8765
         vsnbench models check vlv --robot turtlebot4
     """
-    from vsnbench.models.camera_fit import camera_differences
     from vsnbench.models.description import describe_model
+    from vsnbench.models.fit.camera import camera_differences
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
     from vsnbench.robots.registry import profile_of

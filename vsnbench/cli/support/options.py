@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Engine
 
     from vsnbench.config import Config
-    from vsnbench.models.camera_fit import Fit
+    from vsnbench.models.fit.camera import Fit
     from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.web.operator.page import OperatorPage
@@ -180,7 +180,7 @@ def fit_of(config: "Config") -> "Fit":
     Raises:
         UsageError: the value in the configuration is unknown.
     """
-    from vsnbench.models.camera_fit import Fit
+    from vsnbench.models.fit.camera import Fit
 
     given = config.models.fit
     if given not in list(Fit):

@@ -1,7 +1,7 @@
 """Check of a robot's camera against the camera that a model was trained with."""
 
-from vsnbench.models.camera_fit import camera_differences
 from vsnbench.models.contract import ModelCard
+from vsnbench.models.fit.camera import camera_differences
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.values.camera import Camera
 

@@ -14,8 +14,8 @@ from dataclasses import replace
 from vsnbench.errors import DecisionError, ModelError, ModelLostError, VsnbenchError
 from vsnbench.models import duck_typed, loaded
 from vsnbench.models.contract import Policy
-from vsnbench.models.decision_fit import fitting_decision, without_tilt
-from vsnbench.models.goal_fit import goal_for
+from vsnbench.models.fit.decision import fitting_decision, without_tilt
+from vsnbench.models.fit.goal import goal_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.parameters import ProtocolParameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from vsnbench.config import BUILT_IN_SITE
-from vsnbench.models.camera_fit import Fit
+from vsnbench.models.fit.camera import Fit
 from vsnbench.models.names import is_address, is_third_party
 from vsnbench.models.registry import keywords_of, locate
 from vsnbench.models.remote.isolation import Isolation

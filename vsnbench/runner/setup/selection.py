@@ -6,7 +6,7 @@ from difflib import get_close_matches
 
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
-from vsnbench.models.goal_fit import misfit
+from vsnbench.models.fit.goal import misfit
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.sites.categories import GOAL_CATEGORIES, canonical_category, near_category
 from vsnbench.sites.site import Site, embedded_sites, load_site

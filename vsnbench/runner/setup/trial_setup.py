@@ -14,9 +14,9 @@ from os import _exit as end_process_now
 from typing import Any
 
 from vsnbench.errors import ExitCode, UsageError
-from vsnbench.models.camera_fit import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
 from vsnbench.models.checkpoints.torch_runtime import DEVICES
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.fit.camera import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit

@@ -6,7 +6,7 @@ import pytest
 
 from tests.sites.goal_sites import write_site
 from vsnbench.models.contract import ModelCard
-from vsnbench.models.goal_fit import goal_for, misfit
+from vsnbench.models.fit.goal import goal_for, misfit
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.goal import GoalKind
 

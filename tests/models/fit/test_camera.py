@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vsnbench.errors import UsageError
-from vsnbench.models.camera_fit import CroppedPolicy, comparison_text, crop_for
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.fit.camera import CroppedPolicy, comparison_text, crop_for
 from vsnbench.models.task import Task, task_of
 from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.protocol.parameters import ProtocolParameters

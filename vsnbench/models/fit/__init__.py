@@ -1,0 +1,1 @@
+"""Whether a model fits a robot and a task: its camera, its goals, its decisions."""
