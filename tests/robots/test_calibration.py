@@ -55,7 +55,7 @@ def test_corrections_keep_comments_and_everything_else(tmp_path: Path, name: str
     write_corrections(source, target, {"mount_height_m": 0.432, "roll_deg": 1.5})
     old, new = load_profile(source), load_profile(target)
     assert new.camera == old.camera.model_copy(update={"mount_height_m": 0.432, "roll_deg": 1.5})
-    assert new.model_copy(update={"camera": old.camera}) == old
+    assert new.model_copy(update={"camera": old.camera}).content() == old.content()
     comments = [line.partition("#")[2] for line in source.read_text().splitlines() if "#" in line]
     assert all(comment in target.read_text() for comment in comments)
 
