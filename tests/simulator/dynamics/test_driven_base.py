@@ -64,8 +64,8 @@ def test_wheels_that_skid_report_more_turn_than_the_base_makes() -> None:
 
 def test_a_turn_gain_is_real_and_measured() -> None:
     pose, measured, _ = driven(TURN, 2.0, turn_gain=1.4)
-    assert pose.heading_rad == pytest.approx(1.4, abs=0.01)
-    assert measured.heading_rad == pytest.approx(1.4, abs=0.01)
+    assert pose.heading_rad == pytest.approx(1.4, abs=0.02)
+    assert measured.heading_rad == pytest.approx(1.4, abs=0.02)
 
 
 def test_drift_to_the_side_is_real_and_measured() -> None:
