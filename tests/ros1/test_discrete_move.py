@@ -153,7 +153,7 @@ def test_a_pressed_bumper_allows_only_the_way_back(stand) -> None:
     stand.fault("bumper")
     wait_until(lambda: stand.ask("Forward") is False, "the bumper is detected")
     assert "bumper sensor is active" in stand.why()
-    assert stand.ask("Backward") is True
+    wait_until(lambda: stand.ask("Backward") is True, "a busy machine lets the robot back off")
 
 
 def test_a_lifted_robot_moves_only_after_it_is_put_down(stand) -> None:
