@@ -64,7 +64,8 @@ def rows(drawn: int) -> Iterator[Row]:
             "deadband_m_s": linear_m_s,
             "deadband_rad_s": angular_rad_s,
         }
-        yield f"drawn {number + 1}", base
+        what = ", ".join(f"{name} {value:g}" for name, value in base.items() if value)
+        yield f"drawn {number + 1}: {what}", base
 
 
 def measured(work: tuple[str, dict[str, float], str, int]) -> tuple[str, str, list[Trial]]:
@@ -83,9 +84,7 @@ def line(name: str, kind: str, tried: list[Trial], ideal: list[Trial]) -> str:
     ratios = sorted(one.took_s / other.took_s for one, other in answered)
     worst_mm = max((one.off_m * 1000 for one, _ in answered), default=0.0)
     times = f"{mean(ratios):.2f} | {ratios[int(0.95 * (len(ratios) - 1))]:.2f}" if ratios else "– | –"
-    said = "; ".join(
-        sorted({reason.partition(":")[0] for reason in reasons if not reason.startswith("odometry noise")})
-    )
+    said = sorted({reason.partition(":")[0] for reason in reasons if not reason.startswith("odometry noise")})
     failed = len(tried) - len(answered) - refused
     false = len(answered) - true
     backwards = sum(not one.faces for one, _ in answered if kind not in ("turn", "move"))

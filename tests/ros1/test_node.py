@@ -1,6 +1,7 @@
 """The last command of a node is sent before the node ends."""
 
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -27,3 +28,28 @@ def test_the_last_command_of_an_ended_node_is_sent(network: RosNetwork, ended_by
         assert "another node called /leaver was started" in leaver.output
     wait_until(lambda: "standing still" in listener.output, "the last command is heard")
     assert "closed topic" not in leaver.output
+
+
+SHUTS_DOWN = """
+import logging
+
+import rospy
+
+from vsnbench.ros1.node import start_node
+
+logging.basicConfig()
+start_node("leaving", [])
+rospy.logerr("Traceback of a fault")
+rospy.signal_shutdown("closed")
+rospy.logerr("Traceback of a connection that the shutdown closed")
+rospy.logerr("another error")
+"""
+
+
+def test_the_end_of_connections_at_a_shutdown_is_no_error(network: RosNetwork, tmp_path: Path) -> None:
+    (tmp_path / "leaving.py").write_text(SHUTS_DOWN)
+    leaving = network.start(tmp_path / "leaving.py")
+    leaving.wait()
+    assert "Traceback of a fault" in leaving.output
+    assert "another error" in leaving.output
+    assert "that the shutdown closed" not in leaving.output
