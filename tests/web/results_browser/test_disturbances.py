@@ -26,7 +26,7 @@ def test_campaigns_in_the_status_differ_by_their_disturbances(results: Path) -> 
     campaigns = json.loads(done.stdout)["campaigns"]
     assert [campaign["disturbances"] for campaign in campaigns] == [BLUR, ""]
     shown = vsnbench(results, "db", "status").stdout
-    assert "with blur=2,glare=0.6" in " ".join(shown.split())
+    assert shown.count(BLUR) == 1  # the table may break the name before it
 
 
 @pytest.mark.parametrize(
