@@ -9,7 +9,7 @@ def expanded(path: str | Path) -> Path:
     """Return a path with `~` and `~user` replaced by a home directory.
 
     Raises:
-        UsageError: there is no such user, or no home directory.
+        UsageError: the user does not exist, or has no home directory.
     """
     try:
         return Path(path).expanduser()

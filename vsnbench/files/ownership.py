@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def writers_other_than_us(file: Path) -> str:
-    """Return who else could have written a file, as a statement about it; empty if nobody could.
+    """Return a statement that names which other users can write a file; empty if none can.
 
-    Root is trusted, and the user who called sudo. A directory in which everyone can create files is accepted if it has
-    the sticky bit, because nobody can replace a file of ours there.
+    Root is trusted, and the user who called sudo. A world-writable directory is accepted if it has the
+    sticky bit, which stops other users from replacing our files.
 
     Raises:
         OSError: the file cannot be examined.

@@ -4,12 +4,12 @@ import time
 from dataclasses import dataclass, field
 
 _STEADY = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""A clock that nobody sets; it goes on while the computer sleeps."""
+"""A clock that cannot be set; it keeps running while the computer sleeps."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockReading:
-    """The computer's clock at one moment, and a clock that nobody sets."""
+    """Readings of the computer's clock and of a clock that cannot be set, taken together."""
 
     date_s: float = field(default_factory=time.time)
     steady_s: float = field(default_factory=lambda: time.clock_gettime(_STEADY))

@@ -107,8 +107,8 @@ def _notes(model: StressedModel) -> tuple[str, ...]:
     heading = "Largest mean losses over the severities:" if harms else "No disturbance has a mean loss."
     untouched = _untouched(model)
     unchanged = (
-        f"Every trial has the same success and number of actions under {', '.join(untouched)}: the model may not see "
-        "it, so this is no evidence of robustness."
+        f"Every trial has the same success and number of actions under {', '.join(untouched)}: the model may not use "
+        "what they change, so this does not show that it is robust."
     )
     shown = [*_shown(model, Conclusion.FIRST_BETTER, "loss"), *_shown(model, Conclusion.SECOND_BETTER, "gain")]
     return (*shown, heading, *harms, *([unchanged] if untouched else []))

@@ -167,7 +167,7 @@ def _unfinished(results: Path) -> list[Path]:
 
 
 def _listed(aside: Path) -> Deletion | None:
-    """Return what a list names; None if there is no list, or it was not written by `_list_unfinished`."""
+    """Return the deletion that a journal describes; None without a valid journal of `_list_unfinished`."""
     try:
         content = parse_json(read_confined(aside, _UNFINISHED) or b"")
         plan = Deletion(**{name: tuple(values) for name, values in content.items()})

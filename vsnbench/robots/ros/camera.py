@@ -33,7 +33,7 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 CAMERA_TIMEOUT_S = 3.0
-"""Age at which the pose of a simulator is no longer current."""
+"""Maximum age of the simulator's pose."""
 _MAX_INVALID = 0.5
 """The unit of a depth image may be wrong if a larger share is invalid."""
 _CALIBRATION_S = 2.0

@@ -17,7 +17,7 @@ _TIMEOUT_S = 3.0
 _SILENT_S = 1.0
 """Time without an image after which a camera is silent, or three of its periods if it is slow."""
 _LONGEST_DELAY_S = 10.0
-"""Images that are older on arrival have a wrong stamp: drivers and networks drop images rather than keep so many."""
+"""Images that are older on arrival have a wrong stamp, because no driver or network queues images for this long."""
 
 
 def frames_needed(names: RosInterface, topic: str) -> int:

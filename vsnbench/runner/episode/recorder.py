@@ -199,7 +199,7 @@ class EpisodeRecorderFanOut:
         self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
 
     def _note_clock_change(self) -> None:
-        """Record if somebody set the computer's clock during the episode: its dates are then not in order."""
+        """Record a change of the computer's clock during the episode, because its timestamps may be out of order."""
         change_s = self._began.change_until_s(ClockReading())
         if abs(change_s) < _CLOCK_CHANGE_S:
             return
