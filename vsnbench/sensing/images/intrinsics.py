@@ -157,7 +157,7 @@ class Intrinsics:
         return angle_rad * (1 + powers)
 
     def _fisheye_radii(self) -> tuple[npt.NDArray[np.float64], int]:
-        """Return the radii at _ANGLES_RAD, and the number of leading ones that increase: the lens images no ray beyond."""
+        """Return the radii at _ANGLES_RAD, and how many of them increase: rays beyond are not in the image."""
         radii = self._fisheye_radius(_ANGLES_RAD)
         falls = np.flatnonzero(np.diff(radii) <= 0)
         return radii, int(falls[0]) + 1 if falls.size else radii.size
