@@ -193,7 +193,9 @@ def test_latex_shrinks_no_table_by_the_length_of_a_name(tmp_path: Path) -> None:
 
 # LaTeX is large and not part of the test set-up. Without it, the tests above check the document's structure, but not
 # that it compiles.
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
+@pytest.mark.skipif(
+    shutil.which("pdflatex") is None, reason="LaTeX is not part of the test set-up; the tests above check the structure"
+)
 def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> None:
     (tmp_path / "report.tex").write_text(document(reference_tables()), encoding="utf-8")
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "report.tex"]
@@ -217,7 +219,9 @@ def test_the_page_is_cleared_before_latex_has_more_floats_than_it_queues() -> No
         assert text.count(r"\begin{table") == len(many_tables())
 
 
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX here")
+@pytest.mark.skipif(
+    shutil.which("pdflatex") is None, reason="LaTeX is not part of the test set-up; the tests above check the structure"
+)
 def test_many_pasted_tables_compile(tmp_path: Path) -> None:
     packages = r"\documentclass[twocolumn]{article}\usepackage[T1]{fontenc}\usepackage{array,booktabs,textcomp}"
     text = f"{packages}\\begin{{document}}\n{latex(many_tables())}\\end{{document}}\n"

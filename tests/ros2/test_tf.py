@@ -62,7 +62,7 @@ def test_a_session_names_frames_that_do_not_connect(tmp_path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.skipif(HAS_TF, reason="this machine has tf2_msgs")
+@pytest.mark.skipif(HAS_TF, reason="needs a machine without tf2_msgs; the pip wheels have none")
 def test_doctor_reports_that_tf2_msgs_is_missing(tmp_path) -> None:
     with live_tf_robot(tmp_path) as (graph, profile, _):
         done = doctor(graph, profile, PYTHONPATH=str(HERE.parent.parent))
@@ -70,7 +70,7 @@ def test_doctor_reports_that_tf2_msgs_is_missing(tmp_path) -> None:
         assert "odometry from TF needs the Python module tf2_msgs" in done.output
 
 
-@pytest.mark.skipif(not HAS_TF, reason="the doctor sees the type of the stand-in; this machine has no tf2_msgs")
+@pytest.mark.skipif(not HAS_TF, reason="needs tf2_msgs of a sourced distribution; no wheel has it")
 def test_doctor_sees_the_odometry_of_frames_follow_a_turn(tmp_path) -> None:
     with live_tf_robot(tmp_path) as (graph, profile, _):
         done = doctor(graph, profile, "--move")
@@ -79,7 +79,7 @@ def test_doctor_sees_the_odometry_of_frames_follow_a_turn(tmp_path) -> None:
         assert "the odometry turned +30" in done.output
 
 
-@pytest.mark.skipif(not HAS_TF, reason="the doctor sees the type of the stand-in; this machine has no tf2_msgs")
+@pytest.mark.skipif(not HAS_TF, reason="needs tf2_msgs of a sourced distribution; no wheel has it")
 def test_doctor_names_frames_that_do_not_connect(tmp_path) -> None:
     with live_tf_robot(tmp_path, "--no-fixed") as (graph, profile, _):
         done = doctor(graph, profile)

@@ -172,7 +172,7 @@ def on_a_disk(request: pytest.FixtureRequest, results: Path) -> Iterator[bool]:
         return
     shared_memory = Path("/dev/shm")
     if not shared_memory.is_dir() or shared_memory.stat().st_dev == results.stat().st_dev:
-        pytest.skip("no second disk")
+        pytest.skip("/dev/shm, the second disk of every Linux, is missing or holds the results")
     with tempfile.TemporaryDirectory(dir=shared_memory) as directory:
         (results / "deleted").symlink_to(directory)
         yield True

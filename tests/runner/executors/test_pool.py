@@ -44,7 +44,7 @@ class ScriptedPool(TrialPool):
 
     @property
     def description(self) -> SetupDescription:
-        raise NotImplementedError("the executor must not ask a pool for its setup")
+        raise AssertionError("the executor asked a pool for its setup")
 
     @property
     def free(self) -> int:
