@@ -14,11 +14,15 @@ moved and were answered False.
 
 import argparse
 import random
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from itertools import product
 from multiprocessing import Pool
+from pathlib import Path
 from statistics import mean
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.sensing.stand import KINDS, Stand, Trial, movements, trial
 from vsnbench.values.robot_profile import BaseDynamics

@@ -12,7 +12,6 @@ share in which every interval covers its difference. Table `records`: models wit
 record, in which every combination of three and of four is compared by `study report` and by `compare`.
 """
 
-import argparse
 import itertools
 import sys
 import tempfile
@@ -24,8 +23,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from study_errors import ALPHA, GOALS, STARTS, chances
+from study_errors import ALPHA, STARTS, chances
 
+from benchmarks.support.simulated_tables import print_tables
 from tests.report.records import Attempt, Lab
 from tests.report.study.test_primary import standing
 from tests.study.studies import small_study
@@ -151,30 +151,5 @@ def tables(studies: int) -> dict[str, tuple[list[str], list[Job]]]:
     }
 
 
-def main() -> None:
-    """Simulate and print the tables; write them with --write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--studies", type=int, default=2000, help="number of simulated studies per line")
-    parser.add_argument("--only", help="name of one table")
-    parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
-    options = parser.parse_args()
-    for name, (lines, jobs) in tables(options.studies).items():
-        if options.only in (None, name):
-            print(f"\n{name}: {STARTS} starting positions, {GOALS} goals", *lines, sep="\n")
-            for job in jobs:
-                lines.append(job())
-                print(lines[-1], flush=True)
-            if options.write:
-                write(name, lines)
-
-
-def write(name: str, lines: list[str]) -> None:
-    """Write a table between its marks in the results page."""
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
-    page = RESULT.read_text(encoding="utf-8")
-    before, after = page.split(begin)[0], page.split(end)[1]
-    RESULT.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    print_tables(__doc__, tables, RESULT, unit="studies", count=2000)

@@ -12,8 +12,8 @@ everywhere, and one that always succeeds from some positions and never from othe
 results, instead of random ones.
 """
 
-import argparse
 import math
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,9 @@ import numpy.typing as npt
 from scipy.special import expit
 from scipy.stats import binom, rankdata
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.support.simulated_tables import print_tables
 from vsnbench.statistics.agreement import rank_correlation
 from vsnbench.statistics.balanced import flip_p_values, paired_intervals
 from vsnbench.statistics.clustered import Cell, independent_outcomes, rate_interval
@@ -156,30 +159,5 @@ def tables(samples: int) -> dict[str, tuple[list[str], list[Job]]]:
     }
 
 
-def main() -> None:
-    """Simulate and print the tables; write them with --write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--samples", type=int, default=500, help="number of samples per line")
-    parser.add_argument("--only", help="name of one table")
-    parser.add_argument("--write", action="store_true", help="write the tables into benchmarks/results/")
-    options = parser.parse_args()
-    for name, (lines, jobs) in tables(options.samples).items():
-        if options.only in (None, name):
-            print(f"\n{name}", *lines, sep="\n")
-            for job in jobs:
-                lines.append(job())
-                print(lines[-1], flush=True)
-            if options.write:
-                write(name, lines)
-
-
-def write(name: str, lines: list[str]) -> None:
-    """Write a table between its marks in the results page."""
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
-    page = RESULT.read_text(encoding="utf-8")
-    before, after = page.split(begin)[0], page.split(end)[1]
-    RESULT.write_text(before + begin + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    print_tables(__doc__, tables, RESULT, unit="samples", count=500)
