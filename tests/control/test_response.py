@@ -103,3 +103,20 @@ def test_the_rest_of_a_correction_is_covered_in_whole_periods() -> None:
     velocity = slowest.raised(0.01, 0.0025, PERIOD_S)
     assert velocity == pytest.approx(0.0625)
     assert 0.0025 / (velocity * PERIOD_S) == pytest.approx(2)
+
+
+@pytest.mark.parametrize(("action", "least"), [(Action.MOVE_FORWARD, 0.8), (Action.TURN_LEFT, 0.5)])
+def test_a_base_that_makes_half_of_its_commands_is_never_driven_forward_much_faster(
+    action: Action, least: float
+) -> None:
+    meter = ResponseMeter()
+    commands, readings = profile_of(0.05, 0.08, 50)
+    turns = action.turns
+    sent = [(at_s, Command(0.0, velocity) if turns else Command(velocity)) for at_s, velocity in commands]
+    poses = [(at_s, Pose(0.0, 0.0, way / 2) if turns else Pose(way / 2, 0.0)) for at_s, way in readings]
+    meter.add(action, 0.0, Pose(0.0, 0.0), sent, poses)
+    assert meter.response is not None
+    scaled = meter.response.scaled(Command(0.2, 0.4))
+    assert (scaled.angular_rad_s if turns else scaled.linear_m_s) == pytest.approx(
+        (0.4 if turns else 0.2) / least, rel=0.02
+    )

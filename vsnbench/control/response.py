@@ -26,6 +26,8 @@ _WORST_FIT = 0.03
 _REMEMBERED = 5
 _GAINS = 0.3, 2.5
 """Smallest and largest gain of a base that still follows its commands."""
+_LINEAR_GAINS = 0.8, 1.25
+"""Limits for forward commands: a wrong gain must not drive a robot much faster than its profile says."""
 _LEAST_GAIN_ERROR = 0.04
 """Smaller differences are slip, which feedback corrects."""
 
@@ -172,7 +174,8 @@ class ResponseMeter:
             if turns:
                 self._angular_gain = _settled_gain(self._angular_gain, response.angular_gain)
             else:
-                self._linear_gain = _settled_gain(self._linear_gain, response.angular_gain)
+                gain = _settled_gain(self._linear_gain, response.linear_gain)
+                self._linear_gain = min(max(gain, _LINEAR_GAINS[0]), _LINEAR_GAINS[1])
         if turns:
             self._slowest_rad_s = max(self._slowest_rad_s, slowest)
         else:
