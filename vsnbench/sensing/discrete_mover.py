@@ -22,7 +22,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.movements import MOVEMENTS, Outcome
-from vsnbench.sensing.mover_senses import EndReason, MoverSenses
+from vsnbench.sensing.mover_senses import MoverSenses
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFaultKind, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.action import Action
@@ -243,8 +243,8 @@ class DiscreteMover:
         if hazard:
             return Outcome(movement, False, hazard)
         start = self._await_start(request)
-        if isinstance(start, EndReason):
-            return Outcome(movement, False, start.text, sensor_lost=start.sensor_lost)
+        if isinstance(start, Outcome):
+            return start
         with self._lock:
             held_rad = self._held.start_rad(start.pose.heading_rad, start.error(turns=True))
             start_error = self._held.error_rad if action.turns else start.error(turns=False)
@@ -271,9 +271,9 @@ class DiscreteMover:
             last_s = now_s
             with self._lock:
                 reading = self._tracker.latest or reading
-            if reason := self._reason_to_end(request):
-                sensor_lost = reason.sensor_lost
-                controller.abort(reason.text)
+            if failed := self._failure(request):
+                sensor_lost = failed.sensor_lost
+                controller.abort(failed.reason)
                 break
             command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
             commands.append((now_s, command))
@@ -307,15 +307,15 @@ class DiscreteMover:
         if isinstance(controller, MotionController) and ended_by_itself:
             self._response.add(controller.action, controller.slowest, start, commands, driven)
 
-    def _await_start(self, request: _Request) -> Start | EndReason:
+    def _await_start(self, request: _Request) -> Start | Outcome:
         """Return the start of the movement, after the readings at rest that a noisy base needs."""
         action, settings = request.action, request.settings
         tolerance, turns = settings.tolerance(action), action.turns
         give_up_s = self._now_s() + _LONGEST_START_S
         while True:
             now_s = self._now_s()
-            if reason := self._reason_to_end(request):
-                return reason
+            if failed := self._failure(request):
+                return failed
             with self._lock:
                 holds = self._held.is_known
                 latest = self._tracker.latest
@@ -329,18 +329,19 @@ class DiscreteMover:
             self._sleep_until(now_s + settings.control_period_s)
         noise = start.noise.along(turns=turns)
         if not is_quiet(noise, tolerance) and too_noisy(noise, tolerance, settings.aim_share, rate_hz):
-            return EndReason(noise_words(noise, tolerance, turns=turns))
+            return Outcome(request.movement, False, noise_words(noise, tolerance, turns=turns))
         return start
 
-    def _reason_to_end(self, request: _Request) -> EndReason | None:
-        """Return the reason to end the movement, or None."""
+    def _failure(self, request: _Request) -> Outcome | None:
+        """Return the outcome of the running movement if it has to end, or None."""
+        movement, timeout_s = request.movement, request.settings.odometry_timeout_s
         with self._lock:
             silent_s = self._monotonic_s() - self._odometry_seen_s
-            reason = self._senses.reason_to_end(silent_s=silent_s, timeout_s=request.settings.odometry_timeout_s)
+            failed = self._senses.failure(movement, silent_s=silent_s, timeout_s=timeout_s)
             preempted = self._ticket_of if self._ticket != request.ticket else ""
-        if reason or preempted:
-            return reason or EndReason(preempted)
-        return EndReason("the caller has disconnected") if request.caller_gone() else None
+        if failed or preempted:
+            return failed or Outcome(movement, False, preempted)
+        return Outcome(movement, False, "the caller has disconnected") if request.caller_gone() else None
 
     def _settling_s(self) -> float:
         """Return the settling time for the measured period of the odometry."""

@@ -1,18 +1,9 @@
 """What a mover has to know of its base besides the odometry: hazards, faults, and other publishers."""
 
-from dataclasses import dataclass
-
 from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.odometry import OdometryFault
 from vsnbench.values.action import Action
-
-
-@dataclass(frozen=True, slots=True)
-class EndReason:
-    """Reason to end a movement."""
-
-    text: str
-    sensor_lost: bool = False
 
 
 class MoverSenses:
@@ -51,17 +42,18 @@ class MoverSenses:
                 return f"the {hazard.value} sensor is active: free the robot; only Backward is allowed"
         return ""
 
-    def reason_to_end(self, *, silent_s: float, timeout_s: float) -> EndReason | None:
-        """Return the reason to end the running movement, or None.
+    def failure(self, movement: str, *, silent_s: float, timeout_s: float) -> Outcome | None:
+        """Return the outcome of the running movement if it has to end, or None.
 
         Args:
+            movement: name of the movement.
             silent_s: time since the last odometry.
             timeout_s: time after which odometry is lost.
         """
         if self.hazard_reason:
-            return EndReason(self.hazard_reason)
+            return Outcome(movement, False, self.hazard_reason)
         if silent_s > timeout_s:
-            return EndReason(f"no odometry for {silent_s:.1f} s", sensor_lost=True)
+            return Outcome(movement, False, f"no odometry for {silent_s:.1f} s", sensor_lost=True)
         if self.odometry_fault:
-            return EndReason(self.odometry_fault.text, sensor_lost=True)
-        return EndReason(self.rival) if self.rival else None
+            return Outcome(movement, False, self.odometry_fault.text, sensor_lost=True)
+        return Outcome(movement, False, self.rival) if self.rival else None
