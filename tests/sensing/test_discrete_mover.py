@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tests.sensing.stand import PROFILE, REST_S, Stand
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.settings import MotionSettings
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.values.robot_profile import BaseDynamics, Tolerances
@@ -137,3 +138,19 @@ def test_a_rival_publisher_ends_the_movement_by_its_name() -> None:
     assert (outcome.answer, outcome.reason) == (False, "/joystick commands /cmd_vel as well")
     assert outcome.duration_s < 0.7
     assert stand.mover.carry_out("Backward", 0, lambda: False).answer
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_base_that_was_moved_before_its_first_movement_is_still_known_to_be_noisy(is_known: bool) -> None:
+    """By a check-up, which the mover knows of, or by a hand that placed the robot."""
+    late = BaseDynamics(dead_time_s=0.05, motor_time_constant_s=0.08, heading_noise_deg=0.03, odometry_rate_hz=20)
+    stand = Stand(late)
+    for number in range(200):
+        if is_known:
+            stand.mover.take_other_command()
+        stand.base.set_command(Command(0.0, 0.3 if number < 100 else -0.1))
+        stand.sleep_until(stand.base.now_s + 0.02)
+    stand.base.set_command(STANDSTILL)
+    outcome = stand.ask("Left")
+    assert outcome.answer, outcome.reason
+    assert outcome.duration_s < 4.0

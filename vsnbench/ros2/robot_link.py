@@ -89,7 +89,7 @@ class RobotLink(robot_link.RobotLink):
     @property
     def steer(self) -> Callable[[Command], None] | None:
         """Function that commands a velocity; None where the node on the robot steers the base."""
-        return self.velocities.send if self._server == _WORKSTATION else None
+        return self.command if self._server == _WORKSTATION else None
 
     @property
     def can_be_placed(self) -> bool:
@@ -112,6 +112,8 @@ class RobotLink(robot_link.RobotLink):
 
     def command(self, command: Command) -> None:
         """Command a velocity, whatever executes movements."""
+        if command != STANDSTILL:
+            self._mover.take_other_command()
         self.velocities.send(command)
 
     def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:

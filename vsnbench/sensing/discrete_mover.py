@@ -124,6 +124,11 @@ class DiscreteMover:
         """Take that another publisher commanded the base to move: the running movement ends at once."""
         with self._lock:
             self._senses.rival = rival
+        self.take_other_command()
+
+    def take_other_command(self) -> None:
+        """Take that the base was commanded, but not by a movement: it is at rest only some time later."""
+        with self._lock:
             self._rest.rests(max(self._rest.from_s, self._now_s() + ROLL_OUT_S))
 
     def take_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
@@ -289,13 +294,9 @@ class DiscreteMover:
             else:
                 self._held.forget()
             self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
+        lost = sensor_lost or controller.sensor_lost
         return Outcome(
-            movement,
-            controller.done,
-            controller.failure,
-            controller.corrections,
-            controller.duration_s,
-            sensor_lost or controller.sensor_lost,
+            movement, controller.done, controller.failure, controller.corrections, controller.duration_s, lost
         )
 
     def _learn(
