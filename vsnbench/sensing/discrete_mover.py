@@ -31,8 +31,7 @@ from vsnbench.values.pose import Pose
 
 _SETTLING_READINGS = 2.5
 """Settling time in odometry periods: slow odometry repeats its value while the robot still rolls."""
-_LONGEST_SETTLING_S = 1.0
-_LONGEST_MOVE_M = 10.0
+_LONGEST_SETTLING_S, _LONGEST_MOVE_M = 1.0, 10.0
 _LONGEST_PAUSE_S = 0.6
 """Longest time between two commands: after a longer one, a stopped base would start again without a request."""
 _LONGEST_START_S = 1.5
@@ -127,7 +126,7 @@ class DiscreteMover:
         self.take_other_command()
 
     def take_other_command(self) -> None:
-        """Take that the base was commanded, but not by a movement: it is at rest only some time later."""
+        """Take that the base was commanded outside of a movement: it is at rest only some time later."""
         with self._lock:
             self._rest.rests(max(self._rest.from_s, self._now_s() + ROLL_OUT_S))
 

@@ -87,12 +87,16 @@ class RestReadings:
         return [pose for at_s, pose in self._readings if at_s >= self.from_s]
 
     def _is_measured(self, poses: Sequence[Pose]) -> bool:
-        """Measure the noise; without the older readings if the base was moved meanwhile, for example by hand."""
+        """Measure the noise; drop the older readings if the base was moved meanwhile, for example by hand."""
         known = self._meter.freedom
         self._meter.add(poses)
+        if self._meter.freedom > known:
+            return True
+        self._meter.add(poses[-_ENOUGH:])
         if self._meter.freedom == known:
-            self._meter.add(poses[-_ENOUGH:])
-        return self._meter.freedom > known
+            return False
+        self.rests(self._readings[-_ENOUGH][0])
+        return True
 
     def mean(self, latest: Pose) -> Pose:
         """Return the mean of the newest readings at rest; the latest reading of a base with too few."""
@@ -114,6 +118,7 @@ class RestReadings:
         poses = self.poses
         if not self._measured and len(poses) >= _ENOUGH:
             self._measured = self._is_measured(poses)
+            poses = self.poses
         if not self._meter.freedom:
             span = [pose.heading_rad if turns else pose.distance_to(poses[0]) for pose in poses[-3:]]
             if final or (len(span) == 3 and is_quiet(max(span) - min(span), tolerance)):
