@@ -18,7 +18,7 @@ from std_msgs.msg import Bool, Header, String
 
 from vsnbench.control.command import Command
 from vsnbench.ros_common.interface import OdometryFrames
-from vsnbench.ros_common.messages import fill_transform
+from vsnbench.ros_common.messages import fill_transform, fill_twist
 
 _FORMATS = {"bool": "?", "int8": "b", "uint8": "B", "uint16": "H", "int64": "q", "float64": "d"}
 _HEADER = "std_msgs/Header"
@@ -305,6 +305,5 @@ def tf_message(odometry: Any, frames: OdometryFrames) -> TFMessage:
 def twist_message(command: Command) -> Twist:
     """Return a velocity as geometry_msgs/Twist."""
     twist = Twist()
-    twist.linear.x = command.linear_m_s
-    twist.angular.z = command.angular_rad_s
+    fill_twist(twist, command)
     return twist

@@ -51,11 +51,11 @@ def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
     # With our logging configuration rospy writes no log file, but it would still make ~/.ros/log.
     os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
     rospy.init_node(name, argv=[name, *ros_arguments], disable_signals=True)
-    logging.getLogger("rosout").addFilter(_is_no_end_of_a_connection)
+    logging.getLogger("rosout").addFilter(_is_not_from_closing)
     return Master(master.uri, caller=full_name)
 
 
-def _is_no_end_of_a_connection(record: logging.LogRecord) -> bool:
+def _is_not_from_closing(record: logging.LogRecord) -> bool:
     """Whether a message of rospy is more than the traceback of a thread whose socket our shutdown has closed."""
     return not (rospy.core.is_shutdown_requested() and record.getMessage().startswith("Traceback"))
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from vsnbench.control.command import Command
 from vsnbench.errors import ImageError
 from vsnbench.ros2.interface import TWIST, TWIST_STAMPED
-from vsnbench.ros_common.messages import PinholeMatrices, fill_image, fill_odometry, turned
+from vsnbench.ros_common.messages import PinholeMatrices, fill_image, fill_odometry, fill_twist, turned
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -62,8 +62,7 @@ def image_of_serialized(data: bytes) -> Any:
 def velocity_message(command: Command, kind: str, stamp: Any) -> Any:
     """Return a velocity as a message of type `kind`."""
     twist = Twist()
-    twist.linear.x = float(command.linear_m_s)
-    twist.angular.z = float(command.angular_rad_s)
+    fill_twist(twist, command)
     if kind == TWIST:
         return twist
     stamped = TwistStamped(twist=twist)

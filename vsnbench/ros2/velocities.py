@@ -9,6 +9,7 @@ from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.ros2.graph import Graph, bases_of, command_fault, incompatibility
 from vsnbench.ros2.interface import VELOCITIES, Ros2Interface
+from vsnbench.ros_common.messages import command_of
 
 if TYPE_CHECKING:
     from vsnbench.ros2.node import Ros2Node, VelocityPublisher
@@ -74,5 +75,5 @@ class Velocities:
         twist = read()
         # The sender is not conclusive before the graph knows this process's publisher, and after it was opened again.
         unsure = sender.partition(" (no. ")[0] in ("", self._node.full_name)
-        if not (unsure and Command(twist.linear.x, twist.angular.z) in tuple(self._sent)):
+        if not (unsure and command_of(twist) in tuple(self._sent)):
             self._take(twist, sender)

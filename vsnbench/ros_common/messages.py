@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.control.command import Command
 from vsnbench.sensing.odometry.odometry import heading_of_quaternion
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
@@ -17,6 +18,17 @@ def planar(message: Any) -> tuple[float, float, float]:
     pose = message.pose.pose
     turn = pose.orientation
     return pose.position.x, pose.position.y, heading_of_quaternion(turn.x, turn.y, turn.z, turn.w)
+
+
+def command_of(twist: Any) -> Command:
+    """Return the velocity of a geometry_msgs/Twist."""
+    return Command(twist.linear.x, twist.angular.z, twist.linear.y)
+
+
+def fill_twist(twist: Any, command: Command) -> None:
+    """Write a velocity into a geometry_msgs/Twist."""
+    twist.linear.x, twist.linear.y = float(command.linear_m_s), float(command.lateral_m_s)
+    twist.angular.z = float(command.angular_rad_s)
 
 
 def moves(twist: Any) -> bool:

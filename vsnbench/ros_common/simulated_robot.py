@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy.typing as npt
 
-from vsnbench.control.command import Command
 from vsnbench.ros_common.interface import OdometryFrames, RosInterface
+from vsnbench.ros_common.messages import command_of
 from vsnbench.ros_common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -87,7 +87,7 @@ class SimulatedRobot(NodeTask, RobotOutlet):
 
     def take_velocity(self, twist: Any) -> None:
         """Take a geometry_msgs/Twist."""
-        self.player.set_command(Command(twist.linear.x, twist.angular.z, twist.linear.y))
+        self.player.set_command(command_of(twist))
 
     def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
         """Publish the odometry."""
