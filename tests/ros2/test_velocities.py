@@ -96,7 +96,7 @@ def test_an_incompatible_or_unconnected_base_is_named() -> None:
 
 
 def twist(linear_m_s: float) -> Any:
-    return SimpleNamespace(linear=SimpleNamespace(x=linear_m_s), angular=SimpleNamespace(z=0.0))
+    return SimpleNamespace(linear=SimpleNamespace(x=linear_m_s, y=0.0), angular=SimpleNamespace(z=0.0))
 
 
 def test_only_commands_of_others_are_reported() -> None:
