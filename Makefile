@@ -61,6 +61,7 @@ check: setup-test ## Run linter, format check, type check and import contracts.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy --explicit-package-bases examples/*.py
 	$(BIN)/lint-imports --no-cache
 
 check-fast: setup-test ## Run checks and quick tests (no ROS, browser or PostgreSQL).

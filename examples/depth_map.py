@@ -49,6 +49,8 @@ class DepthMap:
         self.way = (POINTS - self.here) / self.ahead  # from the robot, in its own frame
         if abs(self.here - before[0]) + abs(self.ahead - before[1]) < CELL_M:
             self.refused[abs(self.way - self.radius_m - 0.05) < 0.15] += 1
+        if observation.depth_m is None:
+            raise ValueError("the card must ask for depth")
         camera, depth_m = observation.camera, observation.depth_m[::2, ::2]
         x_m, y_m, z_m = np.moveaxis(camera.points_in_base(depth_m), 2, 0)
         lens = self.here + self.ahead * camera.mount_forward_m
@@ -69,7 +71,7 @@ class DepthMap:
 
     def frontier(self) -> Any:
         """Return which cells touch what is unknown; holes of one or two cells do not count."""
-        unknown = ndimage.binary_opening((~self.seen & ~self.solid).reshape(CELLS, CELLS), np.ones((3, 3)))
+        unknown = ndimage.binary_opening((~self.seen & ~self.solid).reshape(CELLS, CELLS), np.ones((3, 3), bool))
         return ndimage.binary_dilation(unknown).ravel()
 
     def path(self, ends: Any) -> list[int]:

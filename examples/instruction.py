@@ -71,8 +71,11 @@ def hue_and_saturation(rgb: Any) -> tuple[Any, Any]:
 
 def large_spots(pixels: Any, observation: Observation) -> Any:
     """Return which of some pixels belong to connected spots with a surface of at least AREA_M2."""
-    numbers, count = ndimage.label(pixels & np.isfinite(observation.depth_m))
-    pixel_m2 = (np.nan_to_num(observation.depth_m) / observation.camera.focal_px) ** 2
+    depth_m = observation.depth_m
+    if depth_m is None:
+        raise ValueError("the card asks for depth")
+    numbers, count = ndimage.label(pixels & np.isfinite(depth_m))
+    pixel_m2 = (np.nan_to_num(depth_m) / observation.camera.focal_px) ** 2
     areas_m2 = ndimage.sum_labels(pixel_m2, numbers, np.arange(count + 1))
     areas_m2[0] = 0.0
     return areas_m2[numbers] > AREA_M2

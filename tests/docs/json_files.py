@@ -86,7 +86,9 @@ def write_files(directory: Path) -> None:
         for number, (x_m, y_m) in enumerate(NEAR, start=4)
     )
     profile = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
-    plain = profile.partition("\ninterface:")[0] + "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\n"
+    plain = profile.partition("\ninterface:")[0] + (
+        "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\ndynamics: {dead_time_s: 0.05, motor_time_constant_s: 0.08}\n"
+    )
     texts = {
         "log/datos.csv": DRY_LOG,
         "episodes.json": json.dumps(HABITAT),

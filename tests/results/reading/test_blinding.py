@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.results.studies_of_a_lab import apply_merge, lock
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.queries import episode_details, episode_steps
+from vsnbench.results.reading.queries import EpisodeFilter, episode_details, episode_steps, list_episodes
 from vsnbench.results.writing.journal import Journal
 
 
@@ -14,6 +14,7 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
         apply_merge(journal, study, range(1))
         details, steps = episode_details(journal.engine, 1), episode_steps(journal.engine, 1)
         assert (details.summary.ended_at, details.wall_duration_s) == (None, None)
+        assert [summary.ended_at for summary in list_episodes(journal.engine, EpisodeFilter())] == [None]
         assert len(steps) == 1
         for step in steps:
             assert (step.recorded_at, step.stamp_s) == (None, None)
@@ -22,4 +23,5 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
             assert step.result.duration_s == 1.5, "of the movement alone"
         journal.unblind_study(study.id, reason="over")
         assert episode_details(journal.engine, 1).summary.ended_at is not None
+        assert all(summary.ended_at is not None for summary in list_episodes(journal.engine, EpisodeFilter()))
         assert all(step.recorded_at is not None for step in episode_steps(journal.engine, 1))

@@ -7,9 +7,10 @@ blinding relies on not reading it directly.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Text, cast, func, literal, select
+from sqlalchemy import ColumnElement, Connection, Text, case, cast, func, literal, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from vsnbench.protocol.judge import EndReason
@@ -38,6 +39,8 @@ CODE: ColumnElement[str | None] = _code(Campaign.id).correlate(Campaign).scalar_
 MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, Model.name)
 CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
 CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
+ENDED_AT: ColumnElement[datetime | None] = case((CODE.is_(None), Episode.ended_at), else_=None)
+"""End of an episode; NULL for a blinded arm, because the model's time is in it."""
 
 
 def blind_episodes(connection: Connection, numbers: Iterable[int]) -> frozenset[int]:
@@ -73,7 +76,6 @@ def hide_details(details: EpisodeDetails) -> EpisodeDetails:
         details,
         error=HIDDEN if details.error and details.ended_with in TELLING else details.error,
         wall_duration_s=None,
-        summary=replace(details.summary, ended_at=None),
         verdicts=tuple(
             replace(verdict, reason=verdict.end_reason) if verdict.end_reason in TELLING else verdict
             for verdict in details.verdicts

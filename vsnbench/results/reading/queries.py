@@ -15,6 +15,7 @@ from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.annotations import tags_of
 from vsnbench.results.goals import goal_of_trial, with_goals
 from vsnbench.results.reading.blinding import (
+    ENDED_AT,
     CAMPAIGN_KEY,
     CAMPAIGN_NAME,
     MODEL_NAME,
@@ -234,7 +235,7 @@ def _summary_query() -> Select[*tuple[Any, ...]]:
         *(Episode.geodesic_start_m, Episode.geodesic_end_m),
         Episode.duration_s,
         Episode.started_at,
-        Episode.ended_at,
+        ENDED_AT,
         Episode.images_directory,
         Campaign.protocol["success_distance_m"].as_float(),
         Campaign.conditions,
