@@ -33,6 +33,7 @@ def refusal(graph: Graph2) -> str:
     return run.output
 
 
+@pytest.mark.long
 def test_a_base_whose_watchdog_failed_is_refused_until_a_measurement_passes(tmp_path) -> None:
     with live_graph(tmp_path) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py")
