@@ -1,5 +1,6 @@
 """A ROS 1 node that never hangs without a master, ends no other node and leaves signal handlers alone."""
 
+import errno
 import logging
 import os
 import sys
@@ -56,8 +57,13 @@ def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
 
 
 def _is_not_from_closing(record: logging.LogRecord) -> bool:
-    """Whether a message of rospy is more than the traceback of a thread whose socket our shutdown has closed."""
-    return not (rospy.core.is_shutdown_requested() and record.getMessage().startswith("Traceback"))
+    """Whether a message of rospy is more than the traceback of a thread whose socket this process has closed.
+
+    A receiving thread finds its socket closed at the shutdown, and where a subscriber unregisters (EBADF).
+    """
+    text = record.getMessage()
+    closed = rospy.core.is_shutdown_requested() or f"[Errno {errno.EBADF}]" in text
+    return not (closed and text.startswith("Traceback"))
 
 
 def _process(uri: str) -> str:
