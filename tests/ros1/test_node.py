@@ -47,7 +47,7 @@ rospy.logerr("another error")
 """
 
 
-def test_the_end_of_a_connection_that_the_process_itself_closed_is_no_error(network: RosNetwork, tmp_path: Path) -> None:
+def test_the_end_of_a_connection_that_the_process_closed_is_no_error(network: RosNetwork, tmp_path: Path) -> None:
     (tmp_path / "leaving.py").write_text(SHUTS_DOWN)
     leaving = network.start(tmp_path / "leaving.py")
     leaving.wait()
