@@ -221,7 +221,7 @@ def sizes(policy: Policy, task: Task) -> str:
     for width, height in SIZES:
         try:
             policy.begin(replace(task, robot=replace(task.robot, camera=_camera(width, height))))
-            _act(policy, task, synthetic_observation(policy, 1, width, height))
+            answer(policy, task, synthetic_observation(policy, 1, width, height))
         except ModelLostError:
             raise
         except Exception as error:
@@ -232,10 +232,10 @@ def sizes(policy: Policy, task: Task) -> str:
 def episode(policy: Policy, task: Task, steps: int = STEPS) -> list[Decision]:
     """Return the decisions of a policy in a synthetic episode, which continues after STOP."""
     policy.begin(task)
-    return [_act(policy, task, synthetic_observation(policy, number)) for number in range(steps)]
+    return [answer(policy, task, synthetic_observation(policy, number)) for number in range(steps)]
 
 
-def _act(policy: Policy, task: Task, observation: Observation) -> Decision:
+def answer(policy: Policy, task: Task, observation: Observation) -> Decision:
     """Return a decision, validated as in a run."""
     return fitting_decision(policy.act(observation), policy.card, task.robot)
 
@@ -282,7 +282,7 @@ def _caused_by_sensor(error: BaseException) -> bool:
 
 def _blind(policy: Policy, task: Task) -> str:
     policy.begin(task)
-    return f"{_act(policy, task, synthetic_observation(policy, 0, blind=True)).action.value}"
+    return answer(policy, task, synthetic_observation(policy, 0, blind=True)).action.value
 
 
 def _time(policy: Policy, task: Task) -> str:

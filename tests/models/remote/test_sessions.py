@@ -306,5 +306,7 @@ def test_models_check_finds_sessions_that_mix(tmp_path: Path) -> None:
         findings = {finding.what: finding for finding in check_server(url)}
     assert not findings["sessions are independent"].passed
     (tmp_path / "good").mkdir()
-    with stub_server(COUNTS, tmp_path / "good", "served_model:Model", "--sessions", "2") as (url, _):
+    tilts = COUNTS.replace('"counts", ', '"counts", "action_map": {"LOOK_UP": "TURN_LEFT"}, ')
+    tilts = tilts.replace('"action": "TURN_LEFT"', '"action": "LOOK_UP"')
+    with stub_server(tilts, tmp_path / "good", "served_model:Model", "--sessions", "2") as (url, _):
         assert [finding.what for finding in check_server(url) if not finding.passed] == []

@@ -10,6 +10,7 @@ from vsnbench.errors import ModelError
 from vsnbench.models.contract_check import (
     STEPS,
     ContractFinding,
+    answer,
     camera_findings,
     card_summary,
     episode,
@@ -100,7 +101,7 @@ def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, task: T
         for number in range(STEPS):
             if number % 3 == 1:
                 other.begin(replace(task, seed=task.seed + number))
-            together.append(policy.act(synthetic_observation(policy, number)))
+            together.append(answer(policy, task, synthetic_observation(policy, number)))
             if number:
                 other.act(synthetic_observation(policy, STEPS - number))
     finally:
