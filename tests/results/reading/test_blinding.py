@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tests.results.studies_of_a_lab import apply_merge, lock
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.reading.blinding import hide_steps
 from vsnbench.results.reading.queries import EpisodeFilter, episode_details, episode_steps, list_episodes
 from vsnbench.results.writing.journal import Journal
 
@@ -17,10 +18,11 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
         assert [summary.ended_at for summary in list_episodes(journal.engine, EpisodeFilter())] == [None]
         assert len(steps) == 1
         for step in steps:
-            assert (step.recorded_at, step.stamp_s) == (None, None)
+            assert (step.recorded_at, step.stamp_s) == (None, 0.0)
             assert (step.timings.sense_s, step.timings.infer_s, step.timings.move_s) == (None, None, None)
             assert step.result is not None
             assert step.result.duration_s == 1.5, "of the movement alone"
+        assert [step.stamp_s for step in hide_steps(steps * 3)] == [0.0, 1.5, 3.0], "exports have times in order"
         journal.unblind_study(study.id, reason="over")
         assert episode_details(journal.engine, 1).summary.ended_at is not None
         assert all(summary.ended_at is not None for summary in list_episodes(journal.engine, EpisodeFilter()))

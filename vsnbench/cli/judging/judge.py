@@ -181,7 +181,7 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
         proposal = episode.proposal or f"none ({episode.origin}, ended with {episode.end_reason})"
         if not episode.proposal and not EndReason(episode.end_reason).is_result:
             proposal += "; give --collision OBJECT or --void REASON"
-        ended = f"{episode.ended_at:%Y-%m-%d %H:%M}"
+        ended = f"{episode.ended_at:%Y-%m-%d %H:%M}" if episode.ended_at else "hidden"
         rows.append((str(episode.id), safe(episode.model), safe(episode.goal), start, ended, safe(proposal)))
     print_list(columns, rows)
     options = ["--confirm"] if any(episode.proposal for episode in pending) else []

@@ -5,6 +5,7 @@ settings, hashes, diagnostics, timing, error messages) are hidden as well. The d
 blinding relies on not reading it directly.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from datetime import datetime
@@ -68,6 +69,16 @@ def hide_step(step: StepRecord) -> StepRecord:
         probabilities={},
         details={},
     )
+
+
+def hide_steps(steps: Iterable[StepRecord]) -> tuple[StepRecord, ...]:
+    """Return the hidden steps of an episode, each with the sum of the motions before it as its stamp, in seconds."""
+    hidden, clock_s = [], 0.0
+    for step in steps:
+        hidden.append(replace(hide_step(step), stamp_s=clock_s))
+        lasted_s = step.result.duration_s if step.result else 0.0
+        clock_s += lasted_s if math.isfinite(lasted_s) else 0.0
+    return tuple(hidden)
 
 
 def hide_details(details: EpisodeDetails) -> EpisodeDetails:

@@ -21,7 +21,7 @@ from vsnbench.results.reading.blinding import (
     MODEL_NAME,
     blind_episodes,
     hide_details,
-    hide_step,
+    hide_steps,
 )
 from vsnbench.results.reading.filtering import restricted
 from vsnbench.results.reading.read_model import (
@@ -122,7 +122,7 @@ def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
     query = (
         episodes_of_campaigns(
             *(Episode.id, MODEL_NAME, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
-            *(Episode.end_reason, Episode.ended_at, proposal.reason, proposal.success),
+            *(Episode.end_reason, ENDED_AT, proposal.reason, proposal.success),
         )
         .outerjoin(proposal, proposal.id == latest.scalar_subquery())
         .where(Episode.state == EpisodeState.AWAITING.value)
@@ -141,7 +141,7 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
     with transaction(reading(engine)) as connection:
         steps = tuple(_step(row) for row in connection.execute(query))
-        return tuple(map(hide_step, steps)) if blind_episodes(connection, [episode_id]) else steps
+        return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
 
 
 def _step(row: Any) -> StepRecord:

@@ -207,7 +207,8 @@ class PendingEpisode:
     repetition: int
     origin: str
     end_reason: str
-    ended_at: datetime
+    ended_at: datetime | None
+    """None for an arm of a blinded study."""
     proposal: str | None
     """None for an import."""
     proposed_success: bool | None
