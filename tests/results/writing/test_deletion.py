@@ -276,6 +276,30 @@ def test_files_that_cannot_be_moved_are_moved_by_the_next_command(
     assert_deleted(results, aside, before)
 
 
+@pytest.mark.parametrize("function", ["_delete", "_move_files"])
+def test_a_list_of_another_database_stays_and_a_deletion_that_cannot_be_finished_is_a_warning(
+    results: Path, monkeypatch: pytest.MonkeyPatch, function: str
+) -> None:
+    copy = sqlite_url(Path(shutil.copy(results / "vsnbench.db", results.parent / f"{results.name}-copy.db")))
+    empty = sqlite_url(results.parent / f"{results.name}-empty.db")
+    with Journal.open(empty):
+        pass
+    interrupt_deletion_of_1(results, monkeypatch, function)
+    files = sorted(results.rglob("*"))
+    for url in (copy, empty):
+        assert finish_deletions(ResultsDirectory.locate(results, url)) == []
+        assert sorted(results.rglob("*")) == files
+    place = ResultsDirectory.locate(results)
+    with monkeypatch.context() as patch:
+        patch.setattr(deletion, "_move", raise_full)
+        assert finish_deletions(place) == [], "a command that only reads goes on"
+    assert len(finish_deletions(place, required=True)) == (function == "_move_files")
+
+
+def raise_full(source: Path, _target: Path) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(source))
+
+
 @pytest.mark.parametrize(
     "listed",
     [
@@ -292,7 +316,8 @@ def test_files_that_cannot_be_moved_are_moved_by_the_next_command(
 def test_a_list_of_unknown_origin_moves_nothing_that_a_row_names(results: Path, listed: object) -> None:
     aside = results / "deleted" / "2026-01-01T00-00-00"
     aside.mkdir(parents=True)
-    whole = {"episodes": [1], "campaigns": [], "uuids": ["a"], "images_directories": ["episodes/000001"]}
+    whole = {"database": "vsnbench.db", "episodes": [1], "campaigns": [], "uuids": ["a"]}
+    whole |= {"images_directories": ["episodes/000001"]}
     (aside / "unfinished.json").write_text(json.dumps(whole | listed if isinstance(listed, dict) else listed))
     files = sorted((results / "episodes").rglob("*"))
     assert vsnbench(results, "episodes", "list").returncode == 0

@@ -282,7 +282,7 @@ def delete_(
         raise UsageError("nothing to delete", advice="give --episode or --campaign", code="no-episode")
     if not reason.strip():
         raise UsageError("no reason given", advice='add --reason "..."; it stays in the record', code="no-reason")
-    for plan, aside in finish_deletions(results_directory(results, db)):
+    for plan, aside in finish_deletions(results_directory(results, db), required=True):
         episodes = tuple(number for number in episodes if number not in plan.episodes)
         campaigns = tuple(number for number in campaigns if number not in plan.campaigns)
         if not episodes and not campaigns:

@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,7 +22,7 @@ from sqlalchemy import Connection, delete, insert, select
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
 from vsnbench.files.atomic import PART, sweep_parts, write_atomic
 from vsnbench.files.bounded_json import parse_json
-from vsnbench.results.database_url import sqlite_path
+from vsnbench.results.database_url import redacted_url, sqlite_path
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.schema.backup import backup
@@ -39,6 +39,7 @@ DELETED = "deleted"
 _SET_ASIDE = "deleted"
 _UNFINISHED = "unfinished.json"
 """Name of the list, in the directory with the backup."""
+_UNFINISHED_DELETION = "unfinished-deletion"
 
 logger = logging.getLogger(__name__)
 
@@ -121,11 +122,11 @@ def delete_for_good(
             raise RecordError(f"cannot create {aside}: {why}", advice="nothing was deleted") from error
         with _held(aside):
             try:
-                _list_unfinished(aside, plan)
+                _list_unfinished(results, aside, plan)
                 backup(results.database_url, aside / _backup_name(results))
                 with transaction(engine) as connection:
                     plan = plan_deletion(connection, episodes, campaigns)
-                    _list_unfinished(aside, plan)
+                    _list_unfinished(results, aside, plan)
                     _delete(connection, plan, author=author, reason=reason)
             except VsnbenchError:
                 with suppress(VsnbenchError):
@@ -135,11 +136,15 @@ def delete_for_good(
     return plan, aside
 
 
-def finish_deletions(results: ResultsDirectory) -> list[tuple[Deletion, Path]]:
+def finish_deletions(results: ResultsDirectory, *, required: bool = False) -> list[tuple[Deletion, Path]]:
     """Finish the deletions that other programs began and did not finish; return them as `delete_for_good` does.
 
     If its rows are still there, a deletion did not happen, and its backup is removed. Deletions of running programs,
-    and those in a directory that this process cannot write to, stay.
+    those from another database and those in a directory that this process cannot write to or lock stay.
+
+    Args:
+        results: the record.
+        required: raise an error instead of a warning if the files cannot be moved.
 
     Raises:
         RecordError: the record cannot be read, or files cannot be moved (`unfinished-deletion`).
@@ -148,11 +153,20 @@ def finish_deletions(results: ResultsDirectory) -> list[tuple[Deletion, Path]]:
     for aside in _unfinished(results.path):
         if not os.access(aside, os.W_OK):
             continue
-        with suppress(BlockingIOError, FileNotFoundError), _held(aside):
-            plan = _listed(aside)
-            if plan is not None and _finish(results, aside, plan):
-                logger.warning("an interrupted `vsnbench db delete` was finished; backup and images: %s", aside)
-                finished.append((plan, aside))
+        with ExitStack() as stack:
+            try:
+                stack.enter_context(_held(aside))
+            except OSError:
+                continue
+            plan = _listed(aside, _database(results))
+            try:
+                if plan is not None and _finish(results, aside, plan):
+                    logger.warning("an interrupted `vsnbench db delete` was finished; backup and images: %s", aside)
+                    finished.append((plan, aside))
+            except RecordError as error:
+                if required or error.code != _UNFINISHED_DELETION:
+                    raise
+                logger.warning("an interrupted `vsnbench db delete`: %s", error.statement)
     return finished
 
 
@@ -166,15 +180,28 @@ def _unfinished(results: Path) -> list[Path]:
     return sorted(file.parent for file in (results / _SET_ASIDE).glob(f"*/{_UNFINISHED}"))
 
 
-def _listed(aside: Path) -> Deletion | None:
-    """Return the deletion that a journal describes; None without a valid journal of `_list_unfinished`."""
+def _database(results: ResultsDirectory) -> str:
+    """Return which database a list belongs to: the path relative to the results directory, or the URL."""
+    file = sqlite_path(results.database_url)
+    return redacted_url(results.database_url) if file is None else os.path.relpath(file.resolve(), results.path.resolve())
+
+
+def _listed(aside: Path, database: str | None = None) -> Deletion | None:
+    """Return the deletion that a list describes; None without a valid list of `_list_unfinished`.
+
+    Args:
+        aside: the directory of the list.
+        database: None is also returned if the list belongs to another one; `_database` of the record.
+    """
     try:
         content = parse_json(read_confined(aside, _UNFINISHED) or b"")
+        if content.pop("database") != database and database is not None:
+            return None
         plan = Deletion(**{name: tuple(values) for name, values in content.items()})
         own = {images_directory(episode) for episode in plan.episodes}
         if set(plan.images_directories) <= own and all(isinstance(text, str) for text in plan.uuids):
             return plan
-    except (RecordError, ValueError, TypeError, AttributeError, RecursionError):
+    except (RecordError, ValueError, TypeError, AttributeError, KeyError, RecursionError):
         pass
     logger.warning("%s is not a list of deleted episodes", aside / _UNFINISHED)
     return None
@@ -186,6 +213,7 @@ def _held(aside: Path) -> Iterator[None]:
 
     Raises:
         BlockingIOError: another process is deleting.
+        OSError: the directory is gone, or its file system has no locks.
     """
     held = os.open(aside, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -195,9 +223,9 @@ def _held(aside: Path) -> Iterator[None]:
         os.close(held)
 
 
-def _list_unfinished(aside: Path, plan: Deletion) -> None:
+def _list_unfinished(results: ResultsDirectory, aside: Path, plan: Deletion) -> None:
     """Write the list, on the disk before the rows go."""
-    write_atomic(aside / _UNFINISHED, json.dumps(asdict(plan)).encode())
+    write_atomic(aside / _UNFINISHED, json.dumps({"database": _database(results), **asdict(plan)}).encode())
     for path in (aside / _UNFINISHED, aside):
         opened = os.open(path, os.O_RDONLY)
         try:
@@ -238,7 +266,7 @@ def _move_files(results: ResultsDirectory, aside: Path, directories: Collection[
         raise RecordError(
             f"the rows are deleted, but {error.filename or results.path} cannot be moved: {error.strerror or error}",
             advice="repeat the command; the next run tries again as well",
-            code="unfinished-deletion",
+            code=_UNFINISHED_DELETION,
         ) from error
 
 
