@@ -117,6 +117,7 @@ def test_a_known_error_is_one_line_and_its_exit_code(
         MemoryError(),
         OSError(errno.ENOMEM, "Cannot allocate memory"),
         ImportError("cv2.abi3.so: failed to map segment from shared object"),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 3151872 bytes"),
     ],
     ids=repr,
 )

@@ -1,5 +1,6 @@
-"""A program that cannot read some files, and reads all others."""
+"""A program that cannot read some files or use TCP, and reads all other files."""
 
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from tests.models.remote.servers import look
 from vsnbench.errors import UsageError
 from vsnbench.models.remote import isolation
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
-from vsnbench.runtime.hide_files import can_hide_files, command_without
+from vsnbench.runtime.hide_files import can_hide_files, can_refuse_tcp, command_without
 
 needs_landlock = pytest.mark.skipif(not can_hide_files(), reason="this kernel has no Landlock")
 READ = """
@@ -19,6 +20,15 @@ import sys
 for path in sys.argv[1:]:
     try:
         print(open(path).read() or "empty")
+    except OSError as error:
+        print(type(error).__name__)
+"""
+TCP = """
+import socket, sys
+for call, port in ((socket.create_connection, int(sys.argv[1])), (socket.create_server, 0)):
+    try:
+        call(("127.0.0.1", port)).close()
+        print("done")
     except OSError as error:
         print(type(error).__name__)
 """
@@ -75,6 +85,17 @@ def test_a_hidden_file_cannot_be_moved_to_where_it_can_be_read(tmp_path: Path) -
     moved = subprocess.run(command_without([tmp_path / "results"], words), stderr=subprocess.PIPE, check=False)
     assert moved.returncode == 1
     assert (tmp_path / "results" / "record").exists()
+
+
+@pytest.mark.skipif(not can_refuse_tcp(), reason="this kernel's Landlock is older than Linux 6.7")
+def test_a_program_without_files_cannot_use_tcp_either(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        words = [sys.executable, "-c", TCP, str(server.getsockname()[1])]
+        plain, refused = (
+            subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=60, check=True).stdout.split()
+            for command in (words, command_without([tmp_path / "results"], words))
+        )
+    assert (plain, refused) == (["done", "done"], ["PermissionError", "PermissionError"])
 
 
 @needs_landlock

@@ -25,7 +25,7 @@ from vsnbench.values.decision import Decision, Diagnostics
 
 class Heron(Policy):
     card = ModelCard("heron", weights_label="heron weights", weights_sha256="heron0" * 10)
-    turns = 4
+    turns = 2
     def reset(self, goal, seed):
         self.left = self.turns
         print(self.card.name, "starts")
@@ -38,12 +38,12 @@ class Heron(Policy):
 
 class Magpie(Heron):
     card = ModelCard("magpie", weights_label="magpie weights", weights_sha256="magpie" * 10)
-    turns = 7
+    turns = 3
 '''
 _STUDY = """\
 title: Which of two finds its goal?
 question: Which of the two succeeds more often on our robot, in our flat?
-robot: simulated:turtlebot2@{camera}
+robot: simulated:quick.yaml@{camera}
 site: {site}
 pretend_real: true
 arms:
@@ -121,6 +121,8 @@ class BlindStudy:
         }
         (directory / "aviary.py").write_text(AVIARY)
         (directory / "room.yaml").write_text(_ROOM)
+        turtlebot = (ROOT / "vsnbench" / "robots" / "profiles" / "turtlebot2.yaml").read_text()
+        (directory / "quick.yaml").write_text(turtlebot.replace("angular_rad_s: 0.5", "angular_rad_s: 3"))
         where = ("room.yaml", "64x48") if in_one_room else ()
         (directory / "study.yaml").write_text(study_text(trials, seed, *where))
 

@@ -41,7 +41,7 @@ class TextGoalStudy(BlindStudy):
         room.write_text(room.read_text() + GOALS)
         (directory / "study.yaml").unlink()
         arms = [word for name in ("Heron", "Magpie") for word in ("--arm", f"{name.lower()}=aviary:{name}")]
-        where = ["--site", "room.yaml", "--robot", "simulated:turtlebot2@64x48", "--rehearse", "--seed", str(seed)]
+        where = ["--site", "room.yaml", "--robot", "simulated:quick.yaml@64x48", "--rehearse", "--seed", str(seed)]
         self.study("new", *arms, "--goal", "red-chair,doormat", *where)
 
 

@@ -1,7 +1,6 @@
 """Console script: loads the module of a command when it is called, and turns errors into one line and an exit code."""
 
 import atexit
-import errno
 import gc
 import importlib
 import logging
@@ -25,7 +24,7 @@ from vsnbench.cli.support.words import mark_missing_values, refuse_empty_directo
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
 from vsnbench.text.log_output import LogOutput, log_more, opened_log
-from vsnbench.text.sanitize import sanitize
+from vsnbench.text.sanitize import memory_problem, sanitize
 from vsnbench.text.streams import sanitized_output
 
 _ALLOCATIONS = 10_000
@@ -181,7 +180,7 @@ def _run(loaded: Callable[[], object]) -> None:
         sys.stderr.close()
         sys.exit(0)
     except Exception as error:
-        if not (problem := _memory_problem(error) or _record_problem()):
+        if not (problem := memory_problem(error) or _record_problem()):
             raise
         sys.stderr.write(f"vsnbench: error: {sanitize(problem)}\n")
         sys.exit(VsnbenchError.exit_code)
@@ -253,16 +252,6 @@ def _print_defaults(name: str | None, applied: Sequence[ConfigDefault]) -> None:
     ]
     if values:
         sys.stderr.write(f"{', '.join(values)} (from {applied[0].source})\n")
-
-
-def _memory_problem(error: BaseException) -> str:
-    """Return what to do about an exception for want of memory, else an empty string."""
-    full = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
-    if not full and not (isinstance(error, ImportError) and "failed to map segment" in str(error)):
-        return ""
-    return (
-        "there is not enough memory; close other programs, or raise the limit (`ulimit -v`, the job's or container's)"
-    )
 
 
 def _record_problem() -> str:

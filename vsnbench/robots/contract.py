@@ -104,6 +104,12 @@ class Robot(ABC):
         """
         raise NotImplementedError(f"{type(self).__name__}.simulate_placement")
 
+    def keep_real_time(self) -> None:
+        """Let simulated movements take as long as on a real robot. Called if an operator is present.
+
+        Does nothing by default. Only a rehearsal needs it: without an operator to practise, faster is better.
+        """
+
     @abstractmethod
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Start an episode at `start` with odometry at zero.

@@ -51,6 +51,10 @@ class RehearsalRobot(SimulatedRobot):
         self._physics.place(pose)
         self._is_placed = True
 
+    def keep_real_time(self) -> None:
+        """Let movements take as long as on the real robot, so that an operator can practise to stop it."""
+        self._base.is_real_time = True
+
     def begin(self, start: StartingPosition, seed: int) -> None:
         """Start an episode at the robot's pose, with odometry, time and target heading at zero.
 

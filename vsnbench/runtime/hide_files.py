@@ -1,7 +1,8 @@
-"""Starts a program that cannot read some files, with the kernel's Landlock; also a script: `hide_files.py FILES…`.
+"""Starts a program that cannot read some files or use TCP, with the kernel's Landlock; also a script.
 
 Landlock only permits, so everything else is permitted: every file and directory beside the hidden ones and beside the
-directories above them. What is created beside those later cannot be read either. Linux 5.13 or later.
+directories above them. What is created beside those later cannot be read either. Linux 5.13 or later; TCP is refused
+from Linux 6.7 on. `hide_files.py FILES… -- COMMAND…` runs a command in this way.
 """
 
 import ctypes
@@ -14,12 +15,18 @@ _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 """Numbers of system calls, the same on every architecture."""
 _VERSION = 1
 """Flag of _CREATE_RULESET: return the version."""
-_READ_FILE = ctypes.c_uint64(1 << 2)
+_READ_FILE = 1 << 2
+_TCP_BIND_AND_CONNECT = 3
+_FIRST_VERSION_WITH_TCP = 4
 _PATH_BENEATH = 1
 _SET_NO_NEW_PRIVILEGES = 38
 _END = "--"
 
 _system = ctypes.CDLL(None, use_errno=True)
+
+
+class _Ruleset(ctypes.Structure):
+    _fields_ = (("files", ctypes.c_uint64), ("network", ctypes.c_uint64))
 
 
 class _Rule(ctypes.Structure):
@@ -29,21 +36,32 @@ class _Rule(ctypes.Structure):
 
 def can_hide_files() -> bool:
     """Return whether this kernel has Landlock."""
-    return sys.platform == "linux" and int(_system.syscall(_CREATE_RULESET, None, 0, _VERSION)) > 0
+    return sys.platform == "linux" and _version() > 0
+
+
+def can_refuse_tcp() -> bool:
+    """Return whether this kernel's Landlock can also refuse TCP."""
+    return sys.platform == "linux" and _version() >= _FIRST_VERSION_WITH_TCP
+
+
+def _version() -> int:
+    return int(_system.syscall(_CREATE_RULESET, None, 0, _VERSION))
 
 
 def command_without(hidden: Sequence[Path], command: Sequence[str]) -> list[str]:
-    """Return a command that runs a program which cannot read these files and directories, existing or not."""
+    """Return a command for a program that cannot read these files and directories, existing or not, or use TCP."""
     return [sys.executable, "-I", "-S", __file__, *(os.path.realpath(path) for path in hidden), _END, *command]
 
 
 def _hide(hidden: Collection[str]) -> None:
-    """Forbid this process, and all that it starts, to read these files.
+    """Forbid this process, and all that it starts, to read these files and, if the kernel can, to use TCP.
 
     Raises:
         OSError: the kernel refuses.
     """
-    ruleset = _called(_CREATE_RULESET, ctypes.byref(_READ_FILE), ctypes.sizeof(_READ_FILE), 0)
+    refused = _Ruleset(_READ_FILE, _TCP_BIND_AND_CONNECT)
+    size = ctypes.sizeof(_Ruleset) if can_refuse_tcp() else _Ruleset.network.offset
+    ruleset = _called(_CREATE_RULESET, ctypes.byref(refused), size, 0)
     _permit_beside(ruleset, "/", hidden)
     _system.prctl(_SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
     _called(_RESTRICT_SELF, ruleset, 0)
@@ -65,7 +83,7 @@ def _permit_beside(ruleset: int, directory: str, hidden: Collection[str]) -> Non
             descriptor = os.open(entry.path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
         except OSError:  # just removed
             continue
-        rule = _Rule(_READ_FILE.value, descriptor)
+        rule = _Rule(_READ_FILE, descriptor)
         _system.syscall(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
         os.close(descriptor)
 

@@ -1,5 +1,6 @@
 """Sanitizes text of unknown origin for terminals and browsers."""
 
+import errno
 import re
 import unicodedata
 
@@ -9,6 +10,8 @@ LONGEST_LINE = 500
 """Maximum length of an error line; a message of foreign code can have megabytes."""
 TEXT_TIMEOUT_S = 2.0
 """Time limit for `__str__` of an exception."""
+_NO_MEMORY = ("allocate memory", "failed to map segment", "Insufficient memory", "bad_alloc")
+"""Parts of messages of the loader, PyTorch, OpenCV and C++ for want of main memory."""
 _SPACES = {"\t", "\n", "\r"}
 _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]|\r(?!\n)")
 """Characters that control a terminal or reverse the order of text; line ends and tabs are kept."""
@@ -33,7 +36,8 @@ def without_controls(text: str) -> str:
 def error_line(error: BaseException, *, named: bool = True) -> str:
     """Return an exception of foreign code as one line of limited length: `ValueError: no such layer`.
 
-    Its `__str__` may raise, never return, or return megabytes, escapes or lone surrogates.
+    Its `__str__` may raise, never return, or return megabytes, escapes or lone surrogates. Want of memory is stated
+    with what to do about it.
 
     Args:
         error: the exception.
@@ -48,7 +52,19 @@ def error_line(error: BaseException, *, named: bool = True) -> str:
     message = " ".join(message.split())
     name = type(error).__name__
     line = sanitize((f"{name}: {message}" if named else message) if message else name)
-    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
+    line = line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 1]}…"
+    return f"{problem} ({line})" if (problem := memory_problem(error)) else line
+
+
+def memory_problem(error: BaseException) -> str:
+    """Return what to do about an exception for want of main memory, else an empty string."""
+    full = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+    texts = [text for text in error.args if isinstance(text, str)]
+    if not full and not any(part in text for text in texts for part in _NO_MEMORY):
+        return ""
+    return (
+        "there is not enough memory; close other programs, or raise the limit (`ulimit -v`, the job's or container's)"
+    )
 
 
 def counted(number: int, singular: str, plural: str = "") -> str:

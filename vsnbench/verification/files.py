@@ -10,7 +10,7 @@ from sqlalchemy import Row
 from vsnbench.errors import RecordError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.confined_paths import confined, read_confined
-from vsnbench.results.files.directory import DATABASE_NAME
+from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
 from vsnbench.results.files.image_set import expected_images, image_faults
 from vsnbench.results.files.images import StampedPose, trajectory_text
 from vsnbench.results.merging.episodes import step_digests
@@ -115,14 +115,15 @@ def _check_others(results: Path, known: set[str], check: Check) -> None:
             for entry in entries:
                 if entry.name not in (*_OWN, _EPISODES):
                     check.skip(f"{entry.name} in the results directory: no row describes it")
-        unfinished = unfinished_directories(results)
+        unfinished, finishing = unfinished_directories(results), ResultsDirectory.locate(results).options
         with os.scandir(results / _EPISODES) as entries:
-            for name in (f"{_EPISODES}/{entry.name}" for entry in entries):
-                if name in unfinished:
-                    check.fail(
-                        name, "an interrupted `vsnbench db delete` left it; repeat that command, which finishes it"
+            for name in {f"{_EPISODES}/{entry.name}" for entry in entries} - known:
+                if name in unfinished:  # their rows are gone, so the record is complete without them
+                    check.skip(
+                        "directory that an interrupted `vsnbench db delete` left; "
+                        f"`vsnbench episodes list{finishing}` finishes the deletion"
                     )
-                elif name not in known:
+                else:
                     check.fail(name, "no episode of the record has it")
     except FileNotFoundError:
         return

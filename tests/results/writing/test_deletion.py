@@ -9,18 +9,26 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.cli.test_record_verbs import vsnbench
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
+from vsnbench.bundle.make import BundleRequest, make_bundle
+from vsnbench.bundle.selection import select_campaigns
+from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError
+from vsnbench.report.frames import open_results
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing import deletion
 from vsnbench.results.writing.deletion import delete_for_good
 from vsnbench.results.writing.journal import Journal
+from vsnbench.verification.verify import verify
 
 COUNTED = ("campaign", "trial", "episode", "step", "verdict", "placement")
 
@@ -246,15 +254,40 @@ def test_deleted_files_can_go_to_another_disk(results: Path, on_a_disk: bool) ->
     assert_deleted(results, Path(json.loads(done.stdout)["backup"]), before)
 
 
-def test_verify_names_an_interrupted_deletion_and_leaves_it(results: Path) -> None:
-    kill_during_deletion(results, "deletion", "_move_files", "1", "before")
-    checked = vsnbench(results, "verify", str(results), "--json")
-    findings = [found for check in json.loads(checked.stdout)["checks"] for found in check["findings"]]
-    assert sorted(found["where"] for found in findings if "db delete" in found["text"]) == [
-        "episodes/000001",
-        "episodes/000002",
-    ]
-    assert (results / "episodes" / "000001").is_dir()
+@pytest.mark.parametrize(
+    ("function", "rows_are_gone", "left"),
+    [("_delete", False, 0), ("_move_files", True, 1)],
+)
+def test_readers_are_unaffected_by_an_interrupted_deletion(
+    results: Path, monkeypatch: pytest.MonkeyPatch, function: str, rows_are_gone: bool, left: int
+) -> None:
+    interrupt_deletion_of_1(results, monkeypatch, function)
+    place, files = ResultsDirectory.locate(results), sorted(results.rglob("*"))
+    assert (1 in set(open_results(results).episodes().episode)) is not rows_are_gone
+    request = BundleRequest(partial(select_campaigns, numbers=[1]), BundleConfig(), with_images=False)
+    assert make_bundle(place, request, results.parent / f"{results.name}.zip").episodes == 2 - rows_are_gone
+    checked = next(check for check in verify(results, lambda *_: None).checks if check.name == "files")
+    assert "no episode of the record has it" not in {found.text for found in checked.findings}
+    assert not any("db delete" in found.text for found in checked.findings)
+    named = {reason: count for reason, count in checked.not_checked.items() if "db delete" in reason}
+    assert list(named.values()) == [1] * left
+    assert all(f"episodes list{place.options}`" in reason for reason in named)
+    assert sorted(results.rglob("*")) == files, "these readers write nothing"
+
+
+def interrupt_deletion_of_1(results: Path, monkeypatch: pytest.MonkeyPatch, function: str) -> None:
+    """Leave what a process leaves that is killed at the begin of `_move_files`, or after another function."""
+    original = getattr(deletion, function)
+
+    def interrupted(*arguments: Any, **keywords: Any) -> None:
+        if function != "_move_files":
+            original(*arguments, **keywords)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(deletion, function, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            delete_for_good(ResultsDirectory.locate(results), [1], [], author="ada", reason="a face")
 
 
 def test_files_that_cannot_be_moved_are_moved_by_the_next_command(

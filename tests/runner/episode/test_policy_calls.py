@@ -166,6 +166,15 @@ def test_a_stated_failure_is_logged_with_the_models_frames_and_not_ours(caplog: 
     ]
 
 
+def test_want_of_memory_is_one_line_with_its_remedy_and_not_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    outcome = run(Answering(fail_with(MemoryError("4 GiB"))), StandInRobot(), MemoryRecorder())
+    assert outcome.error.startswith("act: there is not enough memory; ")
+    assert outcome.error.endswith("(MemoryError: 4 GiB)")
+    assert [record.getMessage() for record in caplog.records] == [
+        f"model answering, {outcome.error}",
+    ]
+
+
 def test_an_exit_in_reset_is_a_model_error() -> None:
     class Leaving(ScriptedPolicy):
         def reset(self, goal: str, seed: int) -> None:

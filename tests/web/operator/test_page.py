@@ -1,5 +1,6 @@
 """Requests to the operator's page: its state, answers and corrections."""
 
+import queue
 import random
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -7,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from websockets.sync.client import connect
 
 from tests.web.page_session import PageSession, ended_episode
 from vsnbench.results.reading.queries import episode_details
@@ -14,7 +16,10 @@ from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import Choice, QuestionKind
 from vsnbench.runner.operator.session_state import Picture
+from vsnbench.web.operator import app, clients
+from vsnbench.web.operator.clients import Clients
 from vsnbench.web.operator.page import qr_code
+from vsnbench.web_server.session_key import Visitor
 
 
 def test_all_operators_see_the_trial_and_the_first_start_counts(session: PageSession) -> None:
@@ -41,6 +46,34 @@ def test_stop_needs_no_name_and_halts_at_once(session: PageSession) -> None:
         session.prompts.reply(question.number, Choice.GO, "Anna", "the page")
     assert session.browser().post("/stop").status == 200
     assert session.stops == ["stopped with the page's STOP button", "halt"]
+
+
+def test_the_terminal_is_told_of_a_closed_page_only_while_a_trial_is_left(
+    session: PageSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages: queue.Queue[str] = queue.Queue()
+    session.prompts.show_message = messages.put
+    monkeypatch.setattr(app, "_MAX_INTERVAL_S", 0.05)
+    monkeypatch.setattr(clients, "SILENT_S", 0.2)
+    anna = session.browser("Anna")
+    headers = {"Cookie": anna.cookie}
+    with session.prompts.ask(QuestionKind.PLACE):
+        with connect(f"ws://{anna.host}/live", origin=f"http://{anna.host}", additional_headers=headers):
+            pass
+        assert "Anna is not connected" in messages.get(timeout=30)
+        assert session.prompts.may_drive
+    with session.prompts.ask(QuestionKind.FINISH) as question:
+        assert not session.prompts.may_drive
+        session.prompts.reply(question.number, Choice.END, "Anna", "the page")
+    assert not session.prompts.may_drive, "the session has ended"
+
+
+def test_no_page_is_missed_when_no_trial_is_left() -> None:
+    pages = Clients()
+    pages.record_message(Visitor("1", "Anna"))
+    pages._clients["1"].last_message_s -= clients.SILENT_S + 1
+    assert pages.status_changes(may_drive=False) == []
+    assert len(pages.status_changes(may_drive=True)) == 1, "a trial that runs again needs STOP"
 
 
 @pytest.mark.parametrize("distance", ["84", "-1", "about a metre"])

@@ -89,7 +89,10 @@ Disturb = Annotated[
     ),
 ]
 Rehearse = Annotated[
-    bool, execution_option("--rehearse", help="Rehearse with a simulated robot that the operator places and judges.")
+    bool,
+    execution_option(
+        "--rehearse", help="Rehearse with a simulated robot in real time, which the operator places and judges."
+    ),
 ]
 
 _MAX_WORKERS = 4096

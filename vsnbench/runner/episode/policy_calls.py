@@ -24,7 +24,7 @@ from vsnbench.runtime import time_limits
 from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.sites.site import Site
-from vsnbench.text.sanitize import error_line, sanitize
+from vsnbench.text.sanitize import error_line, memory_problem, sanitize
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.movement import Movement
@@ -115,6 +115,8 @@ class PolicyCalls:
         if type(error) is ModelError:  # states the failure; frames of this package would add nothing
             notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
             logger.error("model %s failed in %s: %s%s", self._name, where, error_line(error, named=False), notes)
+        elif memory_problem(error):  # the machine's or the job's, and not of the model's code
+            logger.error("model %s, %s: %s", self._name, where, error_line(error))
         else:
             logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
         return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")

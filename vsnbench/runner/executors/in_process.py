@@ -72,6 +72,8 @@ class InProcessExecutor(TrialExecutor):
         self._models = models
         self._operator = RecordedOperator(context.journal, context.operator, context.recording.operator_name)
         self._pending: tuple[ScheduledTrial, Claim] | None = None
+        if context.operator.is_present:
+            robot.keep_real_time()
 
     @property
     def free(self) -> int:

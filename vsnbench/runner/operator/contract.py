@@ -65,6 +65,9 @@ class Operator(ABC):
     raise `Stopped` when the operator stops the session instead.
     """
 
+    is_present: bool = True
+    """A person is there, who can stop the robot."""
+
     repeats_void_trials: bool = False
     """Trials that are void because of the operator or the robot run again in the same session."""
 
@@ -146,6 +149,8 @@ class Display:
 
 class AbsentOperator(Operator):
     """No person is present: assumes that the robot is at its start, and leaves proposed verdicts unconfirmed."""
+
+    is_present = False
 
     def __init__(self, display: Display | None = None) -> None:
         self._display = display or Display()

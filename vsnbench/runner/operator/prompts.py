@@ -141,6 +141,12 @@ class OperatorPrompts:
         return self._question
 
     @property
+    def may_drive(self) -> bool:
+        """Whether the robot drives, or a trial is left in which it will; a STOP is needed only then."""
+        question = self._question
+        return not self.ended_by and (question is None or question.kind is not QuestionKind.FINISH)
+
+    @property
     def paused_by(self) -> str:
         """Name of the operator who paused the session; empty while it runs."""
         return self._paused_by

@@ -98,6 +98,8 @@ class OperatorDuties:
 class TerminalOperator(AbsentOperator):
     """Asks the operator at the terminal, and accepts the answers of browsers."""
 
+    is_present = True
+
     def __init__(
         self,
         display: CampaignProgress,

@@ -32,6 +32,7 @@ class BlindOperator(Operator):
 
     def __init__(self, operator: Operator) -> None:
         self._operator = operator
+        self.is_present = operator.is_present
         self.repeats_void_trials = operator.repeats_void_trials
 
     @property

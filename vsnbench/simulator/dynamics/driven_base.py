@@ -5,6 +5,7 @@ one on the topics of ROS.
 """
 
 import math
+import time
 from collections import deque
 
 import numpy as np
@@ -23,7 +24,11 @@ _WALKING_M_S = 0.01
 
 
 class DrivenBase:
-    """One base in one scene; time passes only in `drive`. Bit-identical from run to run for the same seed."""
+    """One base in one scene; time passes only in `drive`. Bit-identical from run to run for the same seed.
+
+    Attributes:
+        is_real_time: whether `drive` waits, so that motion takes as long as on a real base.
+    """
 
     def __init__(
         self, scene: Scene, base: Base, dynamics: BaseDynamics = IDEAL_BASE, noise: OdometryNoise | None = None
@@ -33,6 +38,8 @@ class DrivenBase:
         self._noise = noise
         self._is_ideal = not dynamics.conditions
         self._motors = Motors(dynamics)
+        self.is_real_time = False
+        self._due_s = 0.0
 
     def place(self, pose: Pose, rng: np.random.Generator) -> None:
         """Put the base down at rest; its odometry begins at zero, with errors from `rng`."""
@@ -47,6 +54,8 @@ class DrivenBase:
 
     def drive(self, command: Command) -> Touch | None:
         """Hold a velocity for one control period; return the present contact, or None."""
+        if self.is_real_time:
+            self._wait()
         if self._is_ideal:
             return self.physics.drive(command)
         moving = self._motors.velocity(command)
@@ -60,6 +69,13 @@ class DrivenBase:
             self.physics.slide(left_m)
             self._slid_m += left_m
         return touch
+
+    def _wait(self) -> None:
+        """Wait until the last period is over. A request to stop interrupts it, before anything has moved."""
+        now_s = time.monotonic()
+        self._due_s = max(self._due_s, now_s)
+        time.sleep(self._due_s - now_s)
+        self._due_s += CONTROL_PERIOD_S
 
     def measure(self) -> Pose:
         """Return the odometry since the base was put down, with an unwrapped heading and without `read`'s noise."""

@@ -66,6 +66,7 @@ class OperatorApp:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._changes: set[asyncio.Event] = set()
         """One event per connected page, set when the state has changed."""
+        self._watching: asyncio.Task[None] | None = None
         self._plan = plan_svg(session.site)
         self._corrections = Corrections(prompts, session)
 
@@ -226,6 +227,8 @@ class OperatorApp:
         self._clients.record_message(visitor)
         changed = asyncio.Event()
         self._changes.add(changed)
+        if self._watching is None:
+            self._watching = asyncio.create_task(self._watch_clients())
         sending = asyncio.create_task(self._send_states(socket, visitor, changed))
         try:
             while True:
@@ -243,12 +246,17 @@ class OperatorApp:
             sending.cancel()
             self._changes.discard(changed)
 
+    async def _watch_clients(self) -> None:
+        """Tell the terminal which pages are silent, also if no page is left; ends with the event loop."""
+        while True:
+            for message in self._clients.status_changes(may_drive=self._prompts.may_drive):
+                self._prompts.show_message(message)
+            await asyncio.sleep(_MAX_INTERVAL_S)
+
     async def _send_states(self, socket: WebSocket, visitor: Visitor, changed: asyncio.Event) -> None:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
             while True:
                 await socket.send_json(self._state_for(visitor))
-                for message in self._clients.status_changes():
-                    self._prompts.show_message(message)
                 await asyncio.sleep(_MIN_INTERVAL_S)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_MAX_INTERVAL_S):

@@ -54,9 +54,14 @@ class Clients:
             for client in self._clients.values()
         ]
 
-    def status_changes(self) -> list[str]:
-        """Return a message for each client that became silent or came back since the last call."""
-        messages = []
+    def status_changes(self, *, may_drive: bool) -> list[str]:
+        """Return a message for each client that became silent or came back since the last messages.
+
+        Without a trial in which the robot may drive there are none: nothing needs the STOP button.
+        """
+        messages: list[str] = []
+        if not may_drive:
+            return messages
         for client in self._clients.values():
             if client.is_silent == client.reported_silent:
                 continue
