@@ -14,10 +14,10 @@ from vsnbench.report.figures.style import (
     INK,
     MARKERS,
     MAX_CONDITIONS,
-    PAGE_IN,
     Drawing,
     light_grid,
     new_figure,
+    page_in,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
@@ -44,7 +44,7 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
     columns = min(_COLUMNS, len(names))
     lines = math.ceil(len(names) / columns)
     with styled():
-        figure = new_figure(PAGE_IN * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
+        figure = new_figure(page_in() * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         marks: list[ErrorbarContainer] = []
         for place, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
