@@ -80,7 +80,7 @@ def _enlarge(figure: "Figure", factor: float) -> None:
 
     figure.set_size_inches(*(factor * side for side in figure.get_size_inches()))
     for text in figure.findobj(Text):
-        text.set_fontsize(factor * text.get_fontsize())
+        text.set_fontsize(factor * float(text.get_fontsize()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
