@@ -85,8 +85,8 @@ run --model random,late:Late --goal chair --starts 1 {SHORT} --keep none --resul
 run --model random --site flat:0,flat:4 --goal bathtub --starts 1 {SHORT} --keep none --results broken
 {GOALS} --model random,forward --goal chair,low-table --starts 1-2 {SHORT}
 {GOALS} --model random --goal chair --starts 1 --protocol protocol.yaml --max-steps 3
-stress --model random --goal chair --starts 1 {SHORT} --disturb blur --severity 3 --results stressed
-{STRESS} --goal chair --starts 4-11 --protocol protocol.yaml {SHORT} --disturb low_light --severity 3
+stress --model random --goal chair --starts 1 {SHORT} --disturb latency --severity 1 --results stressed
+{STRESS} --goal chair --starts 4-11 --protocol protocol.yaml {SHORT} --disturb low_light,depth_holes --severity 3
 note 1 hello --tag first
 episodes list
 episodes list --results rich

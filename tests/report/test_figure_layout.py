@@ -16,7 +16,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, drawings
-from vsnbench.report.figures.style import COLUMN_IN, Drawing, new_figure, styled
+from vsnbench.report.figures.style import COLUMN_IN, Drawing, column_in, column_of, new_figure, styled
 from vsnbench.report.figures.text_layout import shown, width_in, wrapped
 from vsnbench.values.action import Action
 
@@ -187,3 +187,16 @@ def test_words_are_wrapped_to_the_room_they_have() -> None:
         assert max(width_in(line, 6.5) for line in lines) <= COLUMN_IN / 2
         assert "".join(lines).replace(" ", "") == text.replace(" ", "")
     assert shown("a" * 100 + "z" * 100, 21) == "a" * 10 + "…" + "z" * 10
+
+
+def test_a_figure_has_the_width_of_a_given_column_and_text_of_8_points_in_every_format() -> None:
+    with column_of(8.8 / 2.54), styled():
+        figure = new_figure(column_in(), 1.0)
+        label = figure.subplots().set_xlabel("actions")
+        drawing = Drawing("column", "", "", "", (), figure)
+    svg, pdf = drawing.svg(), drawing.pdf()
+    assert b'width="249.448819pt"' in svg
+    assert b"MediaBox [ 0 0 249.4488" in pdf
+    assert (drawing.width_in, label.get_fontsize()) == pytest.approx((8.8 / 2.54, 8))
+    assert not drawing.is_wide
+    assert column_in() == COLUMN_IN

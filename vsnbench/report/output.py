@@ -20,7 +20,11 @@ Named = TypeVar("Named", ReportTable, Drawing)
 
 
 def write_report(
-    report: Report, drawings: Sequence[Drawing], directory: Path, only_tables: Sequence[str] = ()
+    report: Report,
+    drawings: Sequence[Drawing],
+    directory: Path,
+    only_tables: Sequence[str] = (),
+    column_in: float | None = None,
 ) -> tuple[Path, ...]:
     """Write all files of a report and return their paths.
 
@@ -32,6 +36,7 @@ def write_report(
         drawings: its figures.
         directory: where to write.
         only_tables: names of tables; without any, all tables.
+        column_in: width of a paper's column for the LaTeX tables, inches; None for the default.
 
     Raises:
         UsageError: a table does not exist.
@@ -48,11 +53,11 @@ def write_report(
         "report.json": to_json(
             report.results, report.questions, report.activity, report.record, report.operator_activity, report.raters
         ).encode(),
-        "tables.tex": latex(tables).encode(),
-        "report.tex": document(tables, figures).encode(),
+        "tables.tex": latex(tables, column_in).encode(),
+        "report.tex": document(tables, figures, column_in).encode(),
     }
     for table in tables:
-        files[f"tables/{label(table.name)}.tex"] = latex([table]).encode()
+        files[f"tables/{label(table.name)}.tex"] = latex([table], column_in).encode()
     for drawing in drawings:
         files[f"figures/{drawing.name}.svg"] = drawing.svg()
         files[f"figures/{drawing.name}.pdf"] = drawing.pdf()

@@ -96,6 +96,22 @@ def test_each_table_is_a_file_to_paste_and_is_chosen_by_name(lab: Lab, tmp_path:
     assert refused.code == "unknown-part"
 
 
+@pytest.mark.parametrize("column", ["8.8", "8.8km", "1cm", "99cm", "nan", "", "1e3mm", "8.8cm"])
+def test_a_column_that_no_paper_has_or_nothing_is_set_for_is_refused(lab: Lab, tmp_path: Path, column: str) -> None:
+    words = () if column == "8.8cm" else ("--output", tmp_path / "out")
+    refused = vsnbench("report", "--results", lab.directory, "--column", column, *words).exception
+    assert isinstance(refused, UsageError)
+    assert refused.code == "bad-column"
+    assert not (tmp_path / "out").exists()
+
+
+def test_latex_tables_are_set_for_the_width_of_a_column(lab: Lab) -> None:
+    words = ("report", "--results", lab.directory, "--table", "goals-1", "--format", "latex", "--column")
+    narrow, wide = (vsnbench(*words, column).stdout for column in ("2in", "200mm"))
+    assert r"\begin{table*}" in narrow
+    assert r"\begin{table}" in wide
+
+
 def test_output_that_cannot_be_written_is_one_line(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     outcome = vsnbench("report", "--results", lab.directory, "--output", tmp_path / "file")

@@ -46,12 +46,22 @@ def stressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Done]:
 
 def test_a_stress_test_runs_pairs_and_states_each_loss(stressed: tuple[Path, Done]) -> None:
     results, done = stressed
-    assert "3 campaigns, up to 6 trials" in done.stderr
-    drift, light = sorted(numbers(done)["disturbed"], key=lambda row: -row["changed"])
+    (drift,) = numbers(done)["disturbed"]
     assert (drift["disturbance"], drift["value"]) == ("odometry_drift", 0.1)
     assert drift["changed"] > 0
-    assert (light["disturbance"], light["changed"], light["loss"]) == ("low_light", 0, 0), "oracle uses no camera"
     assert (results / "figure.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_a_disturbance_that_the_model_cannot_see_is_left_out_and_named_before_the_trials(
+    stressed: tuple[Path, Done],
+) -> None:
+    _, done = stressed
+    (model,) = json.loads(done.stdout)["models"]
+    assert model["unseen"] == ["low_light"]
+    before, trials, _ = done.stderr.partition("2 campaigns, up to 4 trials")
+    assert trials
+    assert "oracle: without low_light" in before
+    assert "this stress test can show no loss" in before
 
 
 def test_the_undisturbed_condition_is_a_plain_run_bit_for_bit(stressed: tuple[Path, Done], tmp_path: Path) -> None:
@@ -62,7 +72,7 @@ def test_the_undisturbed_condition_is_a_plain_run_bit_for_bit(stressed: tuple[Pa
     assert undisturbed
     # A stress test in the same record continues the plain campaign.
     more = vsnbench(tmp_path, *STRESS, "--workers", "1")
-    assert "up to 6 trials, 2 of them done" in more.stderr
+    assert "up to 4 trials, 2 of them done" in more.stderr
     assert outcomes(tmp_path) == outcomes(stressed[0])
 
 
@@ -71,7 +81,7 @@ def test_a_finished_stress_test_runs_nothing_and_states_the_same_again(stressed:
     before = outcomes(results)
     again = vsnbench(results, *STRESS, "--workers", "1")
     assert numbers(again) == numbers(done)
-    assert "6 of them done" in again.stderr
+    assert "4 of them done" in again.stderr
     assert outcomes(results) == before
 
 
@@ -88,6 +98,9 @@ def test_two_workers_give_the_same_numbers(stressed: tuple[Path, Done], tmp_path
         (("stress", *TRIALS, "--severity", "9"), "severities are 1 to 5"),
         (("stress", *TRIALS, "--severity", "x"), "cannot read 'x' in --severity"),
         (("stress", *TRIALS, "--disturb", "blur,blur"), "given twice"),
+        (("stress", *TRIALS, "--disturb", "blur"), "oracle uses no sensor that blur changes"),
+        (("stress", *TRIALS, "--disturb", "latency", "--detect", "30"), "starting positions instead of 2"),
+        (("stress", *TRIALS, "--disturb", "latency", "--detect", "0"), "must be at least 1"),
         (("stress", *TRIALS, "--robot", "turtlebot2"), "needs a simulated robot"),
         (("stress", *TRIALS, "--figure", "x.gif"), "unknown format"),
         (("stress", *TRIALS, "--figure", "nowhere/x.svg"), "the directory does not exist"),

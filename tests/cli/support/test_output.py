@@ -167,7 +167,7 @@ class Loud(Policy):
     [
         "run --goal chair --starts 1",
         "run --goal chair --starts 1 --seed 0-1",
-        "stress --goal chair --starts 1 --disturb blur --severity 3 --results s",
+        "stress --goal chair --starts 1 --disturb latency --severity 1 --results s",
         "models check",
         "models show",
         "doctor",

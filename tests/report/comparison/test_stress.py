@@ -1,6 +1,7 @@
 """Losses in a stress test, against hand-computed numbers."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,8 @@ def stressed_in(lab: Lab) -> StressedModel:
     record = read(lab.url, Selection())
     numbers = {text: (number,) for number, text in enumerate(("", "blur@3", "blur@5", "glare@3", "glare@5"), start=1)}
     disturbed = {parse_disturbances([text]).members[0]: own for text, own in numbers.items() if text}
-    found = stressed_model(record, summarise(record), StressedCampaigns(numbers[""], disturbed))
+    campaigns = StressedCampaigns(numbers[""], disturbed, ("depth_holes",))
+    found = stressed_model(record, summarise(record), campaigns)
     assert found is not None
     return found
 
@@ -97,7 +99,10 @@ def test_the_table_and_json_state_the_same_numbers(stressed: StressedModel) -> N
         ["blur", "5", "10 px", "1/15"],
     ]
     assert table.notes[0] == "A loss of success is shown, by interval and Holm p: blur@5."
+    assert [cell.text for cell in table.rows[-1].cells][:4] == ["depth_holes", "–", "", "not seen"]
+    assert any(note.startswith("Not seen: depth_holes.") for note in table.notes)
     (fields,) = stress_fields([stressed])
+    assert fields["unseen"] == ["depth_holes"]
     assert [row["successes"] for row in fields["disturbances"]] == [12, 1, 13, 14]
     assert [row["loss"] for row in fields["disturbances"]] == pytest.approx([1 / 15, 12 / 15, 0, -1 / 15])
     assert fields["undisturbed"]["successes"] == 13
@@ -113,6 +118,19 @@ def test_the_figure_has_a_panel_per_disturbance_and_the_rates(stressed: Stressed
     assert list(line.get_xdata()) == [0, 3, 5]
     assert list(line.get_ydata()) == pytest.approx([100 * 13 / 15, 80, 100 / 15])
     assert drawing.svg().startswith(b"<?xml")
+
+
+def test_the_figure_marks_what_a_model_does_not_see_and_what_changed_no_trial(stressed: StressedModel) -> None:
+    untouched = replace(stressed, losses=tuple(replace(loss, changed=0) for loss in stressed.losses))
+    blind = replace(stressed, losses=stressed.losses[:2], unseen=("glare",))
+    drawing = success_by_severity([untouched, blind])
+    assert drawing.figure is not None
+    panels = [axes for axes in drawing.figure.axes if axes.get_visible()]
+    assert [[text.get_text() for text in axes.texts] for axes in panels] == [
+        ["no trial changed: vlv"],
+        ["not seen by vlv\nno trial changed: vlv"],
+    ]
+    assert "does not use what they change: vlv: depth_holes; vlv: glare." in drawing.caption
 
 
 def test_a_stress_test_without_undisturbed_results_has_no_losses(tmp_path: Path) -> None:

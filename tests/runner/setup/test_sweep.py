@@ -18,7 +18,7 @@ from vsnbench.runner.operator.contract import AbsentOperator, Operator
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession, TerminalOperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import named_site
-from vsnbench.runner.setup.stress import conditions_of
+from vsnbench.runner.setup.stress import conditions_of, under_conditions
 from vsnbench.runner.setup.sweep import (
     NEXT_STARTUP_S,
     STARTUP_S,
@@ -27,7 +27,6 @@ from vsnbench.runner.setup.sweep import (
     plan_sweep,
     run_sweep,
     undone,
-    with_disturbances,
 )
 from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.values.robot_profile import RobotProfile
@@ -94,7 +93,7 @@ def test_the_estimate_uses_recorded_times_and_the_trials_left() -> None:
 def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
     conditions = conditions_of(["glare", "blur"], (5, 1))
     assert [condition.text for condition in conditions] == ["", "glare=0.2", "glare=1", "blur=1", "blur=10"]
-    sweep = with_disturbances(plan_sweep(REQUEST, ("forward", "random"), (0,), ("apartment",)), conditions)
+    sweep = under_conditions(plan_sweep(REQUEST, ("forward", "random"), (0,), ("apartment",)), conditions, {})
     assert [(campaign.request.model, campaign.request.disturbances.text) for campaign in sweep[4:7]] == [
         ("forward", "blur=10"),
         ("random", ""),

@@ -1,6 +1,8 @@
 """`vsnbench report`: success rates with intervals, from the database."""
 
 import logging
+import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -76,6 +78,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         list[str] | None,
         typer.Option("--figure", metavar="A,B", help="Only these figures of --output, by their names."),
     ] = None,
+    column: Annotated[
+        str | None,
+        typer.Option(
+            "--column", metavar="WIDTH", help="Width of a paper's column, like 8.8cm, for LaTeX tables and figures."
+        ),
+    ] = None,
     all_tables: Annotated[bool, typer.Option("--all-tables", help="Print every table that --output writes.")] = False,
     results: Results = None,
     db: Database = None,
@@ -92,7 +100,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report --reference paper            with the paper's results
         vsnbench report --all-tables                 seeds, failures, starts ...
         vsnbench report --output report/             page, tables, figures
-        vsnbench report --table success -f latex     one table for a paper
+        vsnbench report --table goals-1 -f latex     one table for a paper
+        vsnbench report -o paper/ --column 8.8cm     for that column's width
         vsnbench report --serve                      the page in a browser
         vsnbench report --website site/              all pages as files
         vsnbench report --only-reference             the paper's own tables
@@ -105,6 +114,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.report.output import named
 
     form = Format.JSON if as_json else form
+    column_in = _column_in(column)
+    if column_in is not None and output is None and form is not Format.LATEX:
+        raise UsageError(
+            f"--column {column}: only LaTeX tables and figures are set for a column",
+            advice="add --output DIR or --format latex",
+            code="bad-column",
+        )
     if output is not None and output.suffix in _FILES and not output.is_dir():
         raise UsageError(
             f"--output {output} must be a directory, which gets report{output.suffix} and other files",
@@ -127,18 +143,47 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     with_paper = reference is not None
     if output is not None or serve:
         from vsnbench.report.figures.choose import build_and_draw
+        from vsnbench.report.figures.style import column_of
 
-        report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
+        with column_of(column_in):
+            report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
         drawn = named(drawn, split_list(figure), "--figure")
-        _write_or_serve(report, drawn, output, port if serve else None, split_list(table), as_json=as_json)
+        if output is not None:
+            _write(report, drawn, output, split_list(table), column_in, as_json=as_json)
+        if serve:
+            _serve(report, drawn, port)
     else:
         # Activity takes seconds to read: JSON has all results, a table on the terminal must appear at once.
         activity = all_tables or table is not None or form is Format.JSON
         report = build(place.database_url, selection, place.path, reference=with_paper, activity=activity)
         if table is not None and form not in (Format.JSON, Format.CSV):
-            print_tables_as(form, named(report.tables(long=True), split_list(table), "--table"))
+            print_tables_as(form, named(report.tables(long=True), split_list(table), "--table"), column_in)
         else:
-            _print_report(form, report, long=all_tables)
+            _print_report(form, report, column_in, long=all_tables)
+
+
+_INCHES = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0, "pt": 1 / 72.27}
+"""Inches of a unit of --column; the point is that of LaTeX."""
+_NARROWEST_IN, _WIDEST_IN = 2.0, 8.0
+
+
+def _column_in(text: str | None) -> float | None:
+    """Return the width of a column in inches.
+
+    Raises:
+        UsageError: it is not a width, or no figure fits (`bad-column`).
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d{1,4}(?:\.\d{1,4})?) ?(cm|mm|in|pt)", text.strip(), re.ASCII)
+    width_in = float(match[1]) * _INCHES[match[2]] if match else math.nan
+    if not _NARROWEST_IN <= width_in <= _WIDEST_IN:
+        raise UsageError(
+            f"--column {text}: must be a width from {_NARROWEST_IN:g} to {_WIDEST_IN:g} inches",
+            advice="give it with its unit, like 8.8cm, 88mm, 3.5in or 252pt",
+            code="bad-column",
+        )
+    return width_in
 
 
 def _write_website(
@@ -158,7 +203,7 @@ def _write_website(
     sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")
 
 
-def _print_report(form: Format, report: "Report", *, long: bool) -> None:
+def _print_report(form: Format, report: "Report", column_in: float | None, *, long: bool) -> None:
     """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
     from vsnbench.report.analysis.published import published_results
     from vsnbench.report.formats.csv import to_csv
@@ -173,7 +218,7 @@ def _print_report(form: Format, report: "Report", *, long: bool) -> None:
     elif form is Format.CSV:
         typer.echo(to_csv(results), nl=False)
     else:
-        print_tables_as(form, report.tables(long=long))
+        print_tables_as(form, report.tables(long=long), column_in)
 
 
 def _print_reference(form: Format) -> None:
@@ -190,8 +235,8 @@ def _print_reference(form: Format) -> None:
         print_tables_as(form, reference_tables())
 
 
-def print_tables_as(form: str, tables: "Sequence[ReportTable]") -> None:
-    """Print tables as `table`, `markdown` or `latex`."""
+def print_tables_as(form: str, tables: "Sequence[ReportTable]", column_in: float | None = None) -> None:
+    """Print tables as `table`, `markdown` or `latex`, which is set for columns of this width, inches."""
     from vsnbench.report.formats.latex import latex
     from vsnbench.report.formats.markdown import markdown
     from vsnbench.report.tables.report_table import print_tables
@@ -199,28 +244,32 @@ def print_tables_as(form: str, tables: "Sequence[ReportTable]") -> None:
     if form == "table":
         print_tables(tables, page())
     else:
-        typer.echo(markdown(tables) if form == "markdown" else latex(tables), nl=False)
+        typer.echo(markdown(tables) if form == "markdown" else latex(tables, column_in), nl=False)
 
 
-def _write_or_serve(
+def _write(
     report: "Report",
     drawn: "Sequence[Drawing]",
-    output: Path | None,
-    port: int | None,
+    output: Path,
     only_tables: "Sequence[str]",
+    column_in: float | None,
     *,
     as_json: bool,
 ) -> None:
-    """Write the report into a directory, serve its page, or both."""
-    from vsnbench.report.formats.html import html_page
-    from vsnbench.report.output import serve_page, write_report
+    """Write the report into a directory."""
+    from vsnbench.report.output import write_report
 
-    if output is not None:
-        print_files(write_report(report, drawn, output, only_tables), as_json=as_json)
-        sys.stderr.write(f"page: {output / 'report.html'} (self-contained)\n")
-    if port is not None:
-        page = html_page(report, report.tables(long=True), drawn)
-        try:
-            serve_page(page, port, lambda address: typer.echo(f"{address}  (Ctrl-C to stop)"))
-        except KeyboardInterrupt:
-            typer.echo("stopped", err=True)
+    print_files(write_report(report, drawn, output, only_tables, column_in), as_json=as_json)
+    sys.stderr.write(f"page: {output / 'report.html'} (self-contained)\n")
+
+
+def _serve(report: "Report", drawn: "Sequence[Drawing]", port: int) -> None:
+    """Serve the page of the report until Ctrl-C."""
+    from vsnbench.report.formats.html import html_page
+    from vsnbench.report.output import serve_page
+
+    page = html_page(report, report.tables(long=True), drawn)
+    try:
+        serve_page(page, port, lambda address: typer.echo(f"{address}  (Ctrl-C to stop)"))
+    except KeyboardInterrupt:
+        typer.echo("stopped", err=True)

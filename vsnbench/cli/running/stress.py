@@ -51,6 +51,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             "--severity", metavar="N,N", show_default="1,3,5", help="Severities of each disturbance, from 1 to 5."
         ),
     ] = None,
+    detect: Annotated[
+        int | None,
+        execution_option(
+            "--detect",
+            metavar="POINTS",
+            min=1,
+            max=99,
+            help="Loss of success rate, in points, to be shown with 80 % power: a smaller test is refused.",
+        ),
+    ] = None,
     noise: trial.Noise = False,
     workers: trial.Workers = "auto",
     weights: trial.Weights = None,
@@ -73,10 +83,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench stress --model pirlnav --goal chair
         vsnbench stress --model pirlnav,vlv --goal all --figure stress.svg
         vsnbench stress --model vlv --goal bed --disturb dropped_frames
+        vsnbench stress --model vlv --goal all --severity 5 --detect 40
         vsnbench stress --model mylab.policy:Policy --goal chair --json
 
     Runs every trial undisturbed and with each disturbance at each severity,
     from the same starting positions with the same seeds, in simulation.
+    Disturbances of sensors that a model does not use are left out.
     Ctrl-C ends the current episode; the same command resumes.
     The same command with every trial done prints the result again.
     """
@@ -85,8 +97,18 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.sweep_summary import sweep_console
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
-    from vsnbench.runner.setup.stress import check_robot, conditions_of, weakness_of
-    from vsnbench.runner.setup.sweep import plan_sweep, with_disturbances
+    from vsnbench.runner.setup.stress import (
+        check_detects,
+        check_robot,
+        conditions_of,
+        design_of_stress,
+        power_line,
+        seen_by,
+        under_conditions,
+        unseen_by,
+        weakness_of,
+    )
+    from vsnbench.runner.setup.sweep import plan_sweep
 
     names = [name for value in disturb or () for name in value.split(",")]
     conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
@@ -111,7 +133,21 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     )
     with without_prints_of_models(as_json=as_json):
         campaigns = plan_sweep(request, models, seeds, sites)
-        sweep = with_disturbances(campaigns, conditions)
-    if weakness := weakness_of(min(campaign.starts for campaign in campaigns), len(conditions) - 1):
+        unseen = unseen_by(seen_by(campaigns), conditions)
+    for name, left_out in unseen.items():
+        if left_out:
+            logger.warning(
+                "%s: without %s, because the model does not use what they change; the same success rate would not show "
+                "that it is robust",
+                name,
+                ", ".join(left_out),
+            )
+    sweep = under_conditions(campaigns, conditions, unseen)
+    design = design_of_stress(sweep)
+    if detect is not None:
+        check_detects(design, detect / 100)
+    if weakness := weakness_of(design):
         logger.warning("%s", weakness)
-    run_and_exit(lambda: run_stress(sweep, request, figure, as_json=as_json), sweep_console())
+    else:
+        sweep_console().print(power_line(design))
+    run_and_exit(lambda: run_stress(sweep, request, unseen, figure, as_json=as_json), sweep_console())

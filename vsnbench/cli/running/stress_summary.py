@@ -1,6 +1,6 @@
 """Runs a stress test from the terminal, and prints, writes and draws its result."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from vsnbench.cli.running.summary import print_next
@@ -36,12 +36,15 @@ def check_figure(path: Path | None) -> None:
         raise UsageError(f"--figure {path}: the directory does not exist", advice="create it first", code="bad-figure")
 
 
-def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_json: bool) -> int:
+def run_stress(
+    sweep: Sweep, request: RunRequest, unseen: Mapping[str, Sequence[str]], figure: Path | None, *, as_json: bool
+) -> int:
     """Run a stress test and return the exit code: 0 if every trial is done, 1 if some are left.
 
     Args:
         sweep: every campaign under every condition.
         request: options that they share.
+        unseen: disturbances that are left out, by model.
         figure: file of the figure.
         as_json: print the result as JSON.
 
@@ -51,7 +54,7 @@ def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_jso
     with without_prints_of_models(as_json=as_json):
         swept = run_planned(sweep, request)
     print_sweep_summary(sweep_console(), swept, request.results)
-    models = _stressed(swept, request.results)
+    models = _stressed(swept, unseen, request.results)
     if figure is not None and any(model.losses for model in models):
         from vsnbench.files.atomic import write_atomic
         from vsnbench.report.figures.severity import success_by_severity
@@ -68,7 +71,9 @@ def run_stress(sweep: Sweep, request: RunRequest, figure: Path | None, *, as_jso
     return 1 if left or failed else 0
 
 
-def _stressed(swept: Sequence[Swept], results: ResultsDirectory) -> list[StressedModel]:
+def _stressed(
+    swept: Sequence[Swept], unseen: Mapping[str, Sequence[str]], results: ResultsDirectory
+) -> list[StressedModel]:
     """Return the losses of every model in every site; none where nothing has a result."""
     found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
     for campaign in swept:
@@ -81,9 +86,9 @@ def _stressed(swept: Sequence[Swept], results: ResultsDirectory) -> list[Stresse
     record = read(results.database_url, Selection(campaigns=numbers), results.path)
     summaries = summarise(record)
     models = []
-    for own in found.values():
+    for (name, _), own in found.items():
         disturbed = {chosen.members[0]: tuple(several) for chosen, several in own.items() if chosen}
-        campaigns = StressedCampaigns(tuple(own.get(NONE, ())), disturbed)
+        campaigns = StressedCampaigns(tuple(own.get(NONE, ())), disturbed, tuple(unseen.get(name, ())))
         if model := stressed_model(record, summaries, campaigns):
             models.append(model)
     return models

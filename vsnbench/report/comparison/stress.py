@@ -33,6 +33,8 @@ class StressedCampaigns:
 
     undisturbed: tuple[int, ...]
     disturbed: Mapping[Disturbance, tuple[int, ...]]
+    unseen: tuple[str, ...] = ()
+    """Names of disturbances that were left out because the model does not use what they change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,16 @@ class StressedModel:
 
     undisturbed: ConditionSummary
     losses: tuple[Loss, ...]
+    unseen: tuple[str, ...] = ()
+    """Names of disturbances that were left out because the model does not use what they change."""
+
+    @property
+    def untouched(self) -> tuple[str, ...]:
+        """Names of disturbances under which every trial has the same success and number of actions."""
+        changed = {loss.disturbance.name: False for loss in self.losses}
+        for loss in self.losses:
+            changed[loss.disturbance.name] |= loss.changed > 0
+        return tuple(name for name, any_changed in changed.items() if not any_changed)
 
     @property
     def most_harmful(self) -> tuple[Harm, ...]:
@@ -115,7 +127,7 @@ def stressed_model(record: ReportData, results: Results, campaigns: StressedCamp
             losses.append(replace(loss, campaigns=numbers))
     adjusted = holm([loss.rate.p for loss in losses])
     corrected = (replace(loss, rate=replace(loss.rate, adjusted_p=p)) for loss, p in zip(losses, adjusted, strict=True))
-    return StressedModel(undisturbed, tuple(corrected))
+    return StressedModel(undisturbed, tuple(corrected), campaigns.unseen)
 
 
 def _loss(

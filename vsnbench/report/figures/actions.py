@@ -9,13 +9,13 @@ from vsnbench.report.analysis.conditions import footnotes, kinds_note
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLORS,
-    COLUMN_IN,
     INK,
-    PAGE_IN,
     Drawing,
+    column_in,
     in_pages,
     light_grid,
     new_figure,
+    page_in,
     panel_axes,
     styled,
 )
@@ -47,7 +47,7 @@ def _drawing(panels: Sequence[_Panel]) -> Drawing:
     lines = -(-len(panels) // columns)
     tallest = max(len(_names(mine)) for _, mine in panels)
     with styled():
-        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, lines * (0.67 + 0.3 * tallest))
+        figure = new_figure(column_in() if columns == 1 else page_in(), lines * (0.67 + 0.3 * tallest))
         grid = panel_axes(figure, len(panels), columns)
         for axes, (summary, mine) in zip(grid, panels, strict=True):
             names, both = _names(mine), _counts(mine)

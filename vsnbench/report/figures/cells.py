@@ -10,13 +10,13 @@ from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.sensitivity import Grid, grid
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
-    COLUMN_IN,
     INK,
-    PAGE_IN,
     SUCCESS,
     Drawing,
+    column_in,
     in_pages,
     new_figure,
+    page_in,
     panel_axes,
     styled,
 )
@@ -47,7 +47,7 @@ def _drawing(panels: Sequence[_Panel]) -> Drawing:
 
     columns = min(3, len(panels))
     lines = -(-len(panels) // columns)
-    width = COLUMN_IN if columns == 1 else PAGE_IN
+    width = column_in() if columns == 1 else page_in()
     # All panels have the same rows and columns, so that they can be compared.
     goals = sorted({goal for _, cells in panels for goal in cells.goals}, key=goal_order)
     starts = sorted({start for _, cells in panels for start in cells.starts})

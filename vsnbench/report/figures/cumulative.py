@@ -11,14 +11,14 @@ from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLORS,
-    COLUMN_IN,
     DASHES,
     MAX_CONDITIONS,
-    PAGE_IN,
     Drawing,
+    column_in,
     in_pages,
     light_grid,
     new_figure,
+    page_in,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
@@ -66,7 +66,7 @@ def _outcomes(record: ReportData, drawn: Sequence[ConditionSummary], goals: Sequ
         rows = record.counted(summary.condition)
         counted[summary.condition.number] = rows[rows["goal"].isin(list(goals))]
     with styled():
-        figure = new_figure(COLUMN_IN if len(drawn) <= 3 else PAGE_IN * 0.75, 2.0)
+        figure = new_figure(column_in() if len(drawn) <= 3 else page_in() * 0.75, 2.0)
         panels = figure.subplots(1, 2, sharex=True, sharey=True)
         longest = max(int(rows["actions"].max()) for rows in counted.values())
         cap = max(longest, drawn[0].condition.max_actions or 0)
@@ -143,7 +143,7 @@ def mileage(record: ReportData) -> Drawing | None:
     if not curves:
         return None
     with styled():
-        figure = new_figure(COLUMN_IN, 2.0)
+        figure = new_figure(column_in(), 2.0)
         axes = figure.subplots()
         lines, labels = [], []
         for index, (title, hours, kilometres) in enumerate(curves[:MAX_CONDITIONS]):

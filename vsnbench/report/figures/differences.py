@@ -7,12 +7,12 @@ from vsnbench.report.comparison.question import Question
 from vsnbench.report.figures.style import (
     FAINT,
     INK,
-    PAGE_IN,
     SUCCESS,
     Drawing,
     in_pages,
     light_grid,
     new_figure,
+    page_in,
     styled,
 )
 from vsnbench.report.figures.text_layout import shown, wrapped
@@ -26,7 +26,7 @@ def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
 
 
 def _drawing(question: Question) -> Drawing:
-    width, parts = PAGE_IN * 0.75, []
+    width, parts = page_in() * 0.75, []
     with styled():
         rows = []
         for comparison, rate in question.pairs:

@@ -9,14 +9,14 @@ from vsnbench.report.figures.plans import bare_plan, plan_shape
 from vsnbench.report.figures.style import (
     COLLISION,
     COLORS,
-    COLUMN_IN,
     FAILURE,
     INK,
     LIMIT,
-    PAGE_IN,
     Drawing,
+    column_in,
     in_pages,
     new_figure,
+    page_in,
     panel_axes,
     styled,
 )
@@ -65,7 +65,7 @@ def _drawing(maps: Sequence[_Map]) -> Drawing:
     from matplotlib.lines import Line2D
 
     columns = min(2, len(maps))
-    width = COLUMN_IN if columns == 1 else PAGE_IN
+    width = column_in() if columns == 1 else page_in()
     lines = -(-len(maps) // columns)
     with styled():
         titles = [wrapped(summary.condition.name, width / columns - 0.25, 7.5) for _, summary, _ in maps]

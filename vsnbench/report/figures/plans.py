@@ -13,15 +13,15 @@ from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.analysis.trajectories import Track
 from vsnbench.report.figures.style import (
     COLLISION,
-    COLUMN_IN,
     FAILURE,
     INK,
     LIMIT,
-    PAGE_IN,
     SUCCESS,
     Drawing,
+    column_in,
     in_pages,
     new_figure,
+    page_in,
     panel_axes,
     styled,
 )
@@ -65,7 +65,7 @@ def trajectory_plan(
         return None
     columns = min(3, len(goals))
     lines = -(-len(goals) // columns)
-    width = COLUMN_IN if columns == 1 else PAGE_IN
+    width = column_in() if columns == 1 else page_in()
     with styled():
         title = wrapped(summary.condition.name, width - 0.4, 7.5)
         height = lines * width / columns * plan_shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
@@ -107,7 +107,7 @@ def _places(site: Site, summary: ConditionSummary) -> dict[int, tuple[float, flo
 
 def _maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Drawing:
     columns = min(2, len(plans))
-    room_in = (COLUMN_IN if columns == 1 else PAGE_IN) / columns - 0.25
+    room_in = (column_in() if columns == 1 else page_in()) / columns - 0.25
     never = [", ".join(map(str, summary.never_succeeding)) or "none" for _, summary in plans]
     with styled():
         titles = [wrapped(summary.condition.name, room_in, 7.5) for _, summary in plans]
@@ -116,7 +116,7 @@ def _maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Drawing:
         tallest = max(plan_shape(site) for site, _ in plans)
         lines = -(-len(plans) // columns)
         height = lines * ((room_in + 0.25) * tallest + 0.35 + 0.12 * letters)
-        figure = new_figure(COLUMN_IN if columns == 1 else PAGE_IN, height)
+        figure = new_figure(column_in() if columns == 1 else page_in(), height)
         grid = panel_axes(figure, len(plans), columns)
         for axes, (site, summary), title, label in zip(grid, plans, titles, below, strict=True):
             bare_plan(site, axes, None, summary.condition)

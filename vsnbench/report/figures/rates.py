@@ -9,15 +9,15 @@ from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import (
     COLORS,
-    COLUMN_IN,
     FAINT,
     MARKERS,
     MAX_CONDITIONS,
-    PAGE_IN,
     Drawing,
+    column_in,
     in_pages,
     light_grid,
     new_figure,
+    page_in,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
@@ -39,7 +39,7 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
     series = [*ours, *paper]
     goals = sorted({goal.goal for summary in series for goal in summary.goals}, key=goal_order)
     whole = headlines(series)
-    rows = [*goals, whole.label]
+    rows = goals if len(goals) == 1 else [*goals, whole.label]  # the total of one goal is its rate
     drawn = [
         {goal.goal: goal.summary for goal in summary.goals} | {whole.label: headline.summary}
         for summary, headline in zip(series, whole.by_condition, strict=True)
@@ -51,7 +51,7 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
     heights = [max(1, sum(row in summaries for summaries in drawn)) + 0.9 for row in rows]
     tops = [sum(heights[:index]) for index in range(len(rows) + 1)]
     with styled():
-        width = COLUMN_IN if len(series) <= 3 else PAGE_IN * 0.75
+        width = column_in() if len(series) <= 3 else page_in() * 0.75
         figure = new_figure(width, 0.55 + 0.115 * tops[-1])
         axes = figure.subplots()
         taken = [0.95] * len(rows)

@@ -11,12 +11,13 @@ from vsnbench.report.figures.style import (
     COLORS,
     DASHES,
     FAINT,
+    INK,
     MARKERS,
     MAX_CONDITIONS,
-    PAGE_IN,
     Drawing,
     light_grid,
     new_figure,
+    page_in,
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown
@@ -43,11 +44,12 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
     columns = min(_COLUMNS, len(names))
     lines = math.ceil(len(names) / columns)
     with styled():
-        figure = new_figure(PAGE_IN * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
+        figure = new_figure(page_in() * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         marks: list[ErrorbarContainer] = []
         for place, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
             marks = [_line(axes, model, name, index, len(drawn)) for index, model in enumerate(drawn)]
+            _mark(axes, name, drawn)
             _label(axes, _title(name, drawn), is_last=place + columns >= len(names), is_first=place % columns == 0)
         for unused in panels.flat[len(names) :]:
             unused.set_visible(False)
@@ -60,7 +62,7 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
         _alt(drawn),
         "Success rate against the severity of each disturbance, with 95 % intervals clustered by starting position. "
         "Severity 0 is undisturbed; the same trials at every severity. The title of a panel has the values."
-        f"{left_out}",
+        f"{left_out}{_unseen(drawn)}",
         footnotes([model.undisturbed.condition for model in drawn]),
         figure,
     )
@@ -87,6 +89,24 @@ def _line(axes: "Axes", model: StressedModel, name: str, index: int, models: int
         capsize=1.2,
         capthick=0.5,
     )
+
+
+def _mark(axes: "Axes", name: str, models: Sequence[StressedModel]) -> None:
+    """Write which models do not see a disturbance, and which it did not change in any trial."""
+    words = {"not seen by": [model for model in models if name in model.unseen]}
+    words["no trial changed:"] = [model for model in models if name in model.untouched]
+    text = "\n".join(f"{what} {', '.join(map(_short_name, some))}" for what, some in words.items() if some)
+    axes.text(0.97, 0.04, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=5.5, color=INK)
+
+
+def _unseen(models: Sequence[StressedModel]) -> str:
+    """Return a sentence about the disturbances that models do not use; empty without any."""
+    parts = [f"{_short_name(model)}: {', '.join(model.unseen)}" for model in models if model.unseen]
+    return f" Left out, because the model does not use what they change: {'; '.join(parts)}." if parts else ""
+
+
+def _short_name(model: StressedModel) -> str:
+    return shown(model.undisturbed.condition.model, 24)
 
 
 def _interval(loss: Loss) -> Interval:

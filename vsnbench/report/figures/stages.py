@@ -6,7 +6,7 @@ from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.figures.style import INK, PAGE_IN, SUCCESS, Drawing, in_pages, new_figure, styled
+from vsnbench.report.figures.style import INK, SUCCESS, Drawing, in_pages, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
 
 MAX_BARS = 20
@@ -39,7 +39,7 @@ def _drawing(bars: Sequence[_Bar]) -> Drawing:
     from matplotlib.patches import Patch
 
     with styled():
-        figure = new_figure(PAGE_IN, 0.75 + 0.24 * len(bars))
+        figure = new_figure(page_in(), 0.75 + 0.24 * len(bars))
         axes = figure.subplots()
         for place, (summary, course) in enumerate(bars):
             whole, left = sum(times for _, times in course.stages), 0.0

@@ -4,6 +4,7 @@ import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -14,9 +15,14 @@ if TYPE_CHECKING:
 _Item = TypeVar("_Item")
 
 COLUMN_IN = 3.4
-"""Width of one column, inches."""
-PAGE_IN = 7.1
-"""Width of the page, inches."""
+"""Width of one column of a paper, inches, unless another is given."""
+_GUTTER_IN = 0.3
+"""Space between two columns, inches."""
+TEXT_PT = 7.0
+"""Size of most text, points, where the width of the column is not given."""
+PAPER_TEXT_PT = 8.0
+"""Size of the same text where it is."""
+_COLUMN_IN: ContextVar[float | None] = ContextVar("column_in", default=None)
 
 DOTS_AN_INCH = 200
 """Resolution of the PNG."""
@@ -43,6 +49,40 @@ MAX_CONDITIONS = len(COLORS)
 """Maximum number of distinguishable conditions in one figure."""
 
 
+@contextmanager
+def column_of(width_in: float | None) -> Iterator[None]:
+    """Draw figures for columns of this width, inches, with text of `PAPER_TEXT_PT`; None for the default."""
+    before = _COLUMN_IN.set(width_in)
+    try:
+        yield
+    finally:
+        _COLUMN_IN.reset(before)
+
+
+def enlargement() -> float:
+    """Return the factor by which figures are enlarged after they were laid out with text of `TEXT_PT`."""
+    return 1.0 if _COLUMN_IN.get() is None else PAPER_TEXT_PT / TEXT_PT
+
+
+def column_in() -> float:
+    """Return the width of one column before enlargement, inches."""
+    return (_COLUMN_IN.get() or COLUMN_IN) / enlargement()
+
+
+def page_in() -> float:
+    """Return the width of a page of two columns before enlargement, inches."""
+    return (2 * (_COLUMN_IN.get() or COLUMN_IN) + _GUTTER_IN) / enlargement()
+
+
+def _enlarge(figure: "Figure", factor: float) -> None:
+    """Enlarge a figure that is laid out, and all of its text."""
+    from matplotlib.text import Text
+
+    figure.set_size_inches(*(factor * side for side in figure.get_size_inches()))
+    for text in figure.findobj(Text):
+        text.set_fontsize(factor * float(text.get_fontsize()))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
     """A figure with its title, caption and text alternative."""
@@ -60,18 +100,17 @@ class Drawing:
     """None after `finish`."""
     width_in: float = field(init=False)
     height_in: float = field(init=False)
+    is_wide: bool = field(init=False)
+    """Whether the figure needs more than one column."""
+    _factor: float = field(default_factory=enlargement, init=False, repr=False)
     _files: dict[str, bytes] = field(default_factory=dict, init=False, repr=False)
     """Saved formats, because the page and the directory need the same files."""
 
     def __post_init__(self) -> None:
         width_in, height_in = (0.0, 0.0) if self.figure is None else self.figure.get_size_inches()
-        object.__setattr__(self, "width_in", float(width_in))
-        object.__setattr__(self, "height_in", float(height_in))
-
-    @property
-    def is_wide(self) -> bool:
-        """Whether the figure needs more than one column."""
-        return self.width_in > 1.2 * COLUMN_IN
+        object.__setattr__(self, "width_in", self._factor * float(width_in))
+        object.__setattr__(self, "height_in", self._factor * float(height_in))
+        object.__setattr__(self, "is_wide", float(width_in) > 1.2 * column_in())
 
     def finish(self) -> Self:
         """Save the figure in every format and drop it, so that the drawing can be sent to another process."""
@@ -102,6 +141,8 @@ class Drawing:
                     # Lay out once for all formats, because it takes as long as drawing.
                     engine.execute(self.figure)
                     self.figure.set_layout_engine("none")
+                if not self._files and self._factor != 1:
+                    _enlarge(self.figure, self._factor)
                 self._files[form] = _printed(self.figure, form)
         return self._files[form]
 
@@ -126,10 +167,10 @@ def _printed(figure: "Figure", form: str) -> bytes:
 
 _SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
-    "font.size": 7,
+    "font.size": TEXT_PT,
     "axes.titlesize": 7.5,
     "axes.titley": 1.0,  # a fixed value avoids a search for tick labels above the axes at every drawing
-    "axes.labelsize": 7,
+    "axes.labelsize": TEXT_PT,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,

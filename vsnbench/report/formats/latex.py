@@ -14,8 +14,9 @@ PREAMBLE = r"""% \usepackage[T1]{fontenc}
 
 _LETTER_PT = {r"\small": 4.7, r"\footnotesize": 4.2, r"\scriptsize": 3.7}
 """Font size -> average character width for digits and bold headings."""
-_COLUMN_PT, _PAGE_PT = 243.0, 498.0
-"""Of a two-column paper on A4 or letter with margins of at least 2 cm."""
+_COLUMN_PT, _GUTTER_PT = 243.0, 12.0
+"""Width of a column, and space between two, in a two-column paper on A4 or letter with margins of at least 2 cm."""
+_POINTS_AN_INCH = 72.27
 _GAP_PT = 6.0
 _WRAPPED_LETTERS = 22
 """Longer names are wrapped."""
@@ -60,26 +61,34 @@ _ESCAPES = {
 }
 
 
-def latex(tables: Iterable[ReportTable]) -> str:
-    """Return one float per table: `table` if it fits a column of a two-column paper, else `table*`."""
+def latex(tables: Iterable[ReportTable], column_in: float | None = None) -> str:
+    """Return one float per table: `table` if it fits a column of a two-column paper, else `table*`.
+
+    Args:
+        tables: tables of the report.
+        column_in: width of a column, inches; None for the default.
+    """
     tables = list(tables)
     names = "".join(f"% {escaped(words)}\n" for words in footnotes_of(tables))
-    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_flushed([_float(table) for table in tables])) + "\n"
+    return f"{PREAMBLE}\n{names}\n" + "\n\n".join(_flushed([_float(table, column_in) for table in tables])) + "\n"
 
 
-def document(tables: Iterable[ReportTable], figures: Iterable[tuple[str, bool, str]] = ()) -> str:
+def document(
+    tables: Iterable[ReportTable], figures: Iterable[tuple[str, bool, str]] = (), column_in: float | None = None
+) -> str:
     """Return a complete two-column document for pdflatex.
 
     Args:
         tables: tables of the report.
         figures: file, whether it is wider than a column, and caption of each figure.
+        column_in: width of a column for which tables are set, inches; None for the default.
     """
     tables = list(tables)
     names = [rf"\item {escaped(words)}" for words in footnotes_of(tables)]
     names_section = (
         [r"\section*{Names of the conditions}", r"\begin{itemize}", *names, r"\end{itemize}"] if names else []
     )
-    floats = [*(_figure(*figure) for figure in figures), *(_float(table) for table in tables)]
+    floats = [*(_figure(*figure) for figure in figures), *(_float(table, column_in) for table in tables)]
     return "\n".join([_OPENING, *names_section, *_flushed(floats), r"\clearpage", r"\end{document}", ""])
 
 
@@ -112,12 +121,14 @@ def _mark(mark: str) -> str:
     return f"U+{ord(mark):04X}"
 
 
-def _float(table: ReportTable) -> str:
-    size = next((size for size in _LETTER_PT if _width_pt(table, size) <= _COLUMN_PT), "")
+def _float(table: ReportTable, column_in: float | None) -> str:
+    column_pt = _COLUMN_PT if column_in is None else column_in * _POINTS_AN_INCH
+    page_pt = 2 * column_pt + _GUTTER_PT
+    size = next((size for size in _LETTER_PT if _width_pt(table, size) <= column_pt), "")
     wide = not size
     if wide:
-        size = next((size for size in _LETTER_PT if _width_pt(table, size) <= _PAGE_PT), r"\scriptsize")
-        table = fitted(table, lambda part: _width_pt(part, size) <= _PAGE_PT)
+        size = next((size for size in _LETTER_PT if _width_pt(table, size) <= page_pt), r"\scriptsize")
+        table = fitted(table, lambda part: _width_pt(part, size) <= page_pt)
     environment = "table*" if wide else "table"
     columns = "".join(_alignment(table, place) for place in range(len(table.columns)))
     lines = [

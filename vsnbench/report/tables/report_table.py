@@ -1,6 +1,7 @@
 """Table model of a report, independent of the output format, and its terminal output."""
 
 import math
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -18,6 +19,10 @@ UNKNOWN = "–"
 """Text of a cell without a value."""
 _WRAP = 16
 """Width in characters at which a text column may wrap on a terminal."""
+_GAP = 2
+"""Characters between columns on a terminal."""
+_EDGES = 2
+"""Characters left and right of a table on a terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,25 +166,35 @@ def fitted(table: ReportTable, fits: Callable[[ReportTable], bool]) -> ReportTab
     return table
 
 
-def in_blocks(table: ReportTable, fits: Callable[[ReportTable], bool]) -> list[ReportTable]:
-    """Split a table that is too wide into blocks of columns; each block repeats the leading text columns.
+def narrowed(table: ReportTable, room: int) -> ReportTable:
+    """Return a table for a terminal of this width, with a note about the columns that do not fit.
 
-    Args:
-        table: the first block has the columns that `fitted` keeps.
-        fits: whether a block fits.
+    Headings wrap first, then the columns of the highest rank are dropped.
     """
-    leading = next((place for place, column in enumerate(table.columns) if column.number), len(table.columns))
-    named = list(range(max(1, leading)))
-    first = fitted(table, fits)
-    left = [place for place, column in enumerate(table.columns) if column not in first.columns]
-    blocks = [first]
-    while left:
-        taken = left[:1]
-        while len(taken) < len(left) and fits(_with_columns(table, [*named, *left[: len(taken) + 1]])):
-            taken = left[: len(taken) + 1]
-        blocks.append(_with_columns(table, [*(place for place in named if place not in taken), *taken]))
-        left = left[len(taken) :]
-    return blocks
+    if _width(table) <= room:
+        return table
+    compact = fitted(_with_wrapped_headings(table), lambda part: _width(part) <= room)
+    kept = {_one_line(column.heading) for column in compact.columns}
+    dropped = [column.heading for column in table.columns if column.heading not in kept]
+    if not dropped:
+        return compact
+    note = f"Left out at this width: {', '.join(dropped)}. A pipe has room for them."
+    return replace(compact, notes=(note, *compact.notes))
+
+
+def _with_wrapped_headings(table: ReportTable) -> ReportTable:
+    """Wrap the headings of numbers between words to the width of the numbers."""
+    columns = []
+    for place, column in enumerate(table.columns):
+        words = column.heading.split(" ")
+        room = max(max((len(row.cells[place].text) for row in table.rows), default=0), *map(len, words))
+        heading = "\n".join(textwrap.wrap(column.heading, room)) if column.number else column.heading
+        columns.append(replace(column, heading=heading))
+    return replace(table, columns=tuple(columns))
+
+
+def _one_line(heading: str) -> str:
+    return heading.replace("\n", " ")
 
 
 def without_empty_columns(table: ReportTable) -> ReportTable:
@@ -206,26 +221,26 @@ def print_tables(tables: Iterable[ReportTable], console: "Console") -> None:
 
     tables = list(tables)
     for table in tables:
-        for number, block in enumerate(in_blocks(table, lambda part: _width(part) <= console.width)):
-            console.print(_rich_table(block, is_titled=number == 0))
-        for note in table.notes:
+        shown = narrowed(table, console.width)
+        console.print(_rich_table(shown))
+        for note in shown.notes:
             console.print(Text(sanitize(note), style="dim"))
         console.print()
     for words in footnotes_of(tables):
         console.print(Text(sanitize(words), style="dim"))
 
 
-def _rich_table(table: ReportTable, *, is_titled: bool) -> "Table":
+def _rich_table(table: ReportTable) -> "Table":
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    title = Text(sanitize(table.title), style="bold") if is_titled else None
-    printed = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    title = Text(sanitize(table.title), style="bold")
+    printed = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for column, longest in zip(table.columns, _longest_words(table), strict=True):
         # Numbers are never wrapped. On a narrow terminal text wraps between words, and only long names are broken.
         printed.add_column(
-            Text(sanitize(column.heading)),
+            Text("\n".join(map(sanitize, column.heading.split("\n")))),
             justify="right" if column.number else "left",
             no_wrap=column.number,
             overflow="fold",
@@ -239,9 +254,9 @@ def _rich_table(table: ReportTable, *, is_titled: bool) -> "Table":
 
 
 def _texts(table: ReportTable) -> list[list[str]]:
-    """Return the texts of each column, heading first."""
+    """Return the texts of each column, the lines of the heading first."""
     return [
-        [column.heading, *(sanitize(row.cells[place].text) for row in table.rows)]
+        [*column.heading.split("\n"), *(sanitize(row.cells[place].text) for row in table.rows)]
         for place, column in enumerate(table.columns)
     ]
 
@@ -256,4 +271,4 @@ def _width(table: ReportTable) -> int:
         max(map(len, words)) if column.number else min(_WRAP, max(map(len, words)))
         for column, words in zip(table.columns, _texts(table), strict=True)
     ]
-    return sum(widest) + 3 * len(widest) + 1
+    return sum(widest) + _GAP * (len(widest) - 1) + _EDGES

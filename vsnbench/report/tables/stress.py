@@ -44,7 +44,11 @@ def stress_table(model: StressedModel) -> ReportTable:
                 *(Column(f"{measure} loss", rank=4) for measure in measures),
                 Column("changed", rank=3, note="trials whose success or number of actions differs"),
             ),
-            rows=(_undisturbed_row(model, len(measures)), *(_row(loss, list(measures)) for loss in model.losses)),
+            rows=(
+                _undisturbed_row(model, len(measures)),
+                *(_row(loss, list(measures)) for loss in model.losses),
+                *(row(name, EMPTY, "", "not seen", *[EMPTY] * (5 + len(measures))) for name in model.unseen),
+            ),
             notes=_notes(model),
             footnotes=footnotes([condition]),
         )
@@ -58,6 +62,7 @@ def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
             **condition_fields(model.undisturbed.condition),
             "campaigns": list(model.undisturbed.condition.campaigns),
             "undisturbed": summary_fields(model.undisturbed.total),
+            "unseen": list(model.unseen),
             "disturbances": [_loss_fields(loss) for loss in model.losses],
             "most_harmful": [
                 {
@@ -105,13 +110,22 @@ def _row(loss: Loss, measures: Sequence[str]) -> Row:
 def _notes(model: StressedModel) -> tuple[str, ...]:
     harms = [f"{number}. {_harm_text(harm)}" for number, harm in enumerate(model.most_harmful, start=1)]
     heading = "Largest mean losses over the severities:" if harms else "No disturbance has a mean loss."
-    untouched = _untouched(model)
+    unseen = (
+        f"Not seen: {', '.join(model.unseen)}. The model does not use what they change, so they were left out: its "
+        "success without them does not show that it is robust."
+    )
     unchanged = (
-        f"Every trial has the same success and number of actions under {', '.join(untouched)}: the model may not use "
-        "what they change, so this does not show that it is robust."
+        f"Every trial has the same success and number of actions under {', '.join(model.untouched)}: the model may not "
+        "use what they change, so this does not show that it is robust."
     )
     shown = [*_shown(model, Conclusion.FIRST_BETTER, "loss"), *_shown(model, Conclusion.SECOND_BETTER, "gain")]
-    return (*shown, heading, *harms, *([unchanged] if untouched else []))
+    return (
+        *shown,
+        heading,
+        *harms,
+        *([unseen] if model.unseen else []),
+        *([unchanged] if model.untouched else []),
+    )
 
 
 def _shown(model: StressedModel, conclusion: Conclusion, what: str) -> list[str]:
@@ -121,11 +135,6 @@ def _shown(model: StressedModel, conclusion: Conclusion, what: str) -> list[str]
     if not found and what == "loss":
         return ["No loss is shown: none has an interval above 0 and a Holm p of at most 0.05."]
     return [f"A {what} of success is shown, by interval and Holm p: {names}."] if found else []
-
-
-def _untouched(model: StressedModel) -> list[str]:
-    names = dict.fromkeys(loss.disturbance.name for loss in model.losses)
-    return [name for name in names if not any(loss.changed for loss in model.losses if loss.disturbance.name == name)]
 
 
 def _harm_text(harm: Harm) -> str:

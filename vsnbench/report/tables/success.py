@@ -53,6 +53,9 @@ def overview_table(results: Results) -> ReportTable:
     """Return the success rates of all conditions by goal, one row per condition."""
     goals = sorted({goal.goal for summary in results.conditions for goal in summary.goals}, key=goal_order)
     shown = headlines(results.conditions)
+    label = shown.label
+    if len(goals) == 1:  # its column would equal that of the total
+        label, goals = goals[0], []
     rows = []
     for summary, headline in zip(results.conditions, shown.by_condition, strict=True):
         known = {goal.goal: goal.summary for goal in summary.goals}
@@ -66,7 +69,7 @@ def overview_table(results: Results) -> ReportTable:
         columns=(
             Column("model", number=False),
             *(Column(goal, rank=1) for goal in goals),
-            Column(shown.label, note=f"over {shown.description}"),
+            Column(label, note=f"over {shown.description}"),
             Column("95 % interval", note=f"over {shown.description}, percent"),
             Column("n", note=f"counted episodes, {shown.description}"),
         ),
@@ -81,8 +84,9 @@ def goal_table(summary: ConditionSummary) -> ReportTable:
     success_m = summary.condition.success_distance_m
     rows = [_summary_row(goal.title, goal.summary, success_m) for goal in summary.goals]
     totals = [(f"{kind} goals", total) for kind, total in summary.kinds.items()]
-    totals.append(("all", summary.total))
-    if summary.shared:
+    if len(summary.goals) != 1:  # the total of one goal is its row
+        totals.append(("all", summary.total))
+    if summary.shared and len(summary.goals) > 1:
         totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
     rows += [_summary_row(name, total, success_m, total=True) for name, total in totals]
     return ReportTable(

@@ -1,13 +1,26 @@
 """A stress test: every campaign of a sweep undisturbed, and with each disturbance at each severity."""
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from vsnbench.errors import UsageError
+from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.protocol.disturbances import NONE, SEVERITIES, STANDARD_SET, Disturbances, known_kind
+from vsnbench.report.wording import listed
 from vsnbench.robots.registry import is_simulated
-from vsnbench.statistics.power import least_p, min_starts
+from vsnbench.runner.setup.selection import named_site
+from vsnbench.runner.setup.sweep import Sweep
+from vsnbench.runner.setup.trial_setup import close_policy, load_policy
+from vsnbench.statistics.power import Design, detectable, least_p, min_starts, power, starts_needed, trials_needed
+from vsnbench.statistics.rates import POWER
+from vsnbench.study.power import ASSUMED
 from vsnbench.text.sanitize import counted
+from vsnbench.values.observation import Sensor
 
+logger = logging.getLogger(__name__)
+
+ALPHA = 0.05
+"""Largest corrected p-value that shows a loss."""
 DEFAULT_SEVERITIES = (1, 3, 5)
 
 
@@ -25,21 +38,134 @@ def check_robot(robot: str) -> None:
         )
 
 
-def weakness_of(starts: int, disturbances: int, alpha: float = 0.05) -> str:
-    """Return why a stress test can show no loss whatever its results are; empty if it can.
+def seen_by(sweep: Sweep) -> dict[str, frozenset[Sensor]]:
+    """Return the sensors that each model of a sweep uses, which needs its weights; models that fail are left out."""
+    sensors: dict[str, frozenset[Sensor]] = {}
+    for request in {campaign.request.model: campaign.request for campaign in reversed(sweep)}.values():
+        try:
+            policy = load_policy(request.setup_spec(named_site(request.site)))
+        except VsnbenchError as error:  # its campaigns report why
+            logger.debug("%s cannot be loaded: %s", request.model, error)
+            continue
+        sensors[request.model] = policy.card.sensors
+        close_policy(policy)
+    return sensors
+
+
+def unseen_by(
+    sensors: Mapping[str, frozenset[Sensor]], conditions: Sequence[Disturbances]
+) -> dict[str, tuple[str, ...]]:
+    """Return the disturbances that change nothing that a model uses, by model.
+
+    Raises:
+        UsageError: no model uses what any of them changes (`unseen-disturbance`).
+    """
+    unseen = {
+        model: tuple(dict.fromkeys(name for condition in conditions for name in condition.unused_by(used)))
+        for model, used in sensors.items()
+    }
+    names = {member.name for condition in conditions for member in condition.members}
+    if unseen and all(names == set(own) for own in unseen.values()):
+        raise UsageError(
+            f"--disturb: {listed(unseen)} uses no sensor that {listed(sorted(names))} changes",
+            advice="`vsnbench models show MODEL` lists the sensors of a model",
+            code="unseen-disturbance",
+        )
+    return unseen
+
+
+def under_conditions(sweep: Sweep, conditions: Sequence[Disturbances], unseen: Mapping[str, Sequence[str]]) -> Sweep:
+    """Return a sweep with every campaign under every condition, in their order.
 
     Args:
-        starts: number of starting positions, the independent units of its test.
-        disturbances: number of disturbed conditions, over which the p-values are corrected.
-        alpha: largest p-value that shows a loss.
+        sweep: campaigns without disturbances.
+        conditions: undisturbed, and single disturbances.
+        unseen: disturbances that are left out, by model.
     """
-    corrected = min(1.0, least_p(starts) * disturbances)
-    if corrected <= alpha:
+    return tuple(
+        replace(campaign, request=replace(campaign.request, disturbances=condition))
+        for campaign in sweep
+        for condition in conditions
+        if not any(member.name in unseen.get(campaign.request.model, ()) for member in condition.members)
+    )
+
+
+def design_of_stress(sweep: Sweep) -> Design:
+    """Return the weakest paired design among the models and sites of a stress test, at Holm's strictest step.
+
+    Args:
+        sweep: campaigns under every condition.
+    """
+    first = sweep[0].request
+    conditions: dict[tuple[str, str], set[Disturbances]] = {}
+    for campaign in sweep:
+        own = conditions.setdefault((campaign.request.model, campaign.site_name), set())
+        own |= {campaign.request.disturbances} - {NONE}
+    starts = min(campaign.starts for campaign in sweep)
+    return Design(
+        starts=starts,
+        cells=max(1, min(campaign.trials // (campaign.starts * first.repetitions) for campaign in sweep)),
+        trials=first.repetitions * len({campaign.request.seed for campaign in sweep}),
+        rate=0.5,
+        resemblance=ASSUMED,
+        level=ALPHA / max(1, *(len(own) for own in conditions.values())),
+    )
+
+
+def weakness_of(design: Design) -> str:
+    """Return why a stress test can show no loss whatever its results are; empty if it can."""
+    least = least_p(design.starts)
+    if least <= design.level:
         return ""
+    conditions = round(ALPHA / design.level)
     return (
-        f"this stress test can show no loss: with {counted(starts, 'starting position')} the smallest possible p-value "
-        f"is {least_p(starts):.2g}, after correction for {counted(disturbances, 'condition')} {corrected:.2g}; use at "
-        f"least {min_starts(alpha / disturbances)} positions, or fewer disturbances and severities"
+        f"this stress test can show no loss: with {counted(design.starts, 'starting position')} the smallest possible "
+        f"p-value is {least:.2g}, after correction for {counted(conditions, 'condition')} "
+        f"{min(1.0, least * conditions):.2g}; use at least {min_starts(design.level)} positions, or fewer disturbances "
+        "and severities"
+    )
+
+
+def power_line(design: Design) -> str:
+    """Return the smallest loss that a stress test shows with 80 % power, in a sentence."""
+    points = detectable(design)
+    shown = "no loss" if points is None else f"a loss of {100 * points:.0f} points or more"
+    return f"this stress test shows {shown} with 80 % power; {_size(design)}"
+
+
+def check_detects(design: Design, loss: float) -> None:
+    """Refuse a stress test with less than 80 % power for a loss.
+
+    Args:
+        design: its design.
+        loss: loss of success rate, 0 to 1.
+
+    Raises:
+        UsageError: its power is lower (`low-power`); the message names the starting positions and repetitions needed.
+    """
+    found = power(design, loss)
+    if found >= POWER:
+        return
+    starts, trials = starts_needed(design, loss), trials_needed(design, loss)
+    ways = [f"{starts} starting positions instead of {design.starts}"] if starts else []
+    ways += (
+        [f"{trials} trials per goal and position instead of {design.trials} (--repetitions, --seed)"] if trials else []
+    )
+    ways.append("fewer disturbances and severities")
+    raise UsageError(
+        f"--detect {100 * loss:.0f}: this stress test shows such a loss with {100 * found:.0f} % power, not 80 %; "
+        f"{_size(design)}",
+        advice=f"use {', or '.join(ways)}",
+        code="low-power",
+    )
+
+
+def _size(design: Design) -> str:
+    """Return the size of a design and what its power assumes."""
+    return (
+        f"{counted(design.starts, 'starting position')}, {counted(design.cells, 'goal')}, "
+        f"{counted(design.trials, 'trial')} of each, {counted(round(ALPHA / design.level), 'condition')}; assumed: a "
+        f"mean success rate of {100 * design.rate:.0f} %"
     )
 
 

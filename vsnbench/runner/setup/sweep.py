@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.models.registry import locate
-from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.reading.throughput import Throughput
 from vsnbench.robots.registry import is_simulated
@@ -118,15 +117,6 @@ def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int],
         for seed in seeds
         for place in sites
         for model in models
-    )
-
-
-def with_disturbances(sweep: Sweep, conditions: Sequence[Disturbances]) -> Sweep:
-    """Return a sweep with every campaign under every condition, in their order."""
-    return tuple(
-        replace(campaign, request=replace(campaign.request, disturbances=condition))
-        for campaign in sweep
-        for condition in conditions
     )
 
 
