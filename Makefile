@@ -16,7 +16,7 @@ FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
 BENCHES ?= raster startup throughput vlv_planning wire_cost pirlnav_latency
 
-.PHONY: help demo test test-others test-robots test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench docs docs-site weights dist setup setup-test setup-dist setup-docs clean
+.PHONY: help demo test test-others test-robots test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench bench-compare docs docs-site weights dist setup setup-test setup-dist setup-docs clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -79,6 +79,9 @@ fmt: setup-test ## Format the code and apply automatic fixes.
 
 bench: setup-test ## Run the measured comparisons that take minutes; benchmarks/README.md lists all.
 	for name in $(BENCHES); do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+bench-compare: setup-test ## Compare time, memory and output of commands with COMMIT, by default the last tag.
+	$(BIN)/python benchmarks/compare_commits.py $(COMMIT)
 
 docs: setup-test ## Regenerate figures and generated pages.
 	$(BIN)/python scripts/make_docs.py

@@ -4,7 +4,7 @@ CREATE TABLE alembic_version (
 	version_num VARCHAR(32) NOT NULL, 
 	CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num)
 );
-INSERT INTO "alembic_version" VALUES('0009');
+INSERT INTO "alembic_version" VALUES('0010');
 CREATE TABLE "campaign" (
 	id INTEGER NOT NULL, 
 	"key" TEXT NOT NULL, 
@@ -56,7 +56,7 @@ CREATE TABLE "episode" (
 	state TEXT NOT NULL, 
 	lease_until DATETIME, 
 	start_source TEXT, 
-	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), 
+	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), thinking_s DOUBLE, 
 	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
 	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
 	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 

@@ -83,6 +83,18 @@ def test_every_step_is_as_it_was_and_says_what_its_images_were_hashed_with(
         assert [dict(row) for row in connection.execute(text("SELECT * FROM step")).mappings()] == was
 
 
+def test_the_thinking_time_of_an_ended_episode_is_the_sum_of_its_steps_if_each_has_one(
+    before: sqlite3.Connection, after: Engine
+) -> None:
+    sums = dict.fromkeys(range(1, 35))
+    for number, count, known, total_s in before.execute(
+        "SELECT episode_id, count(*), count(infer_s), sum(infer_s) FROM step GROUP BY episode_id"
+    ):
+        sums[number] = total_s if known == count else None
+    assert (sums[28], sums[20], sums.pop(34)) == (None, None, pytest.approx(0.1426))
+    assert dict(rows(after, "SELECT id, thinking_s FROM episode")) == {**sums, 34: None}  # 34 is running
+
+
 def test_every_episode_still_belongs_to_its_goal_start_and_repetition(
     before: sqlite3.Connection, after: Engine
 ) -> None:

@@ -68,6 +68,7 @@ CELLS = {
     "UPDATE episode SET geodesic_start_m = NULL WHERE id = 1": "episode 1: geodesic_start_m: missing",
     "UPDATE episode SET geodesic_end_m = NULL WHERE id = 1": "episode 1: geodesic_end_m: missing",
     "UPDATE episode SET duration_s = NULL WHERE id = 1": "episode 1: duration_s: missing",
+    "UPDATE episode SET thinking_s = 9 WHERE id = 1": "episode 1: thinking_s",
     "UPDATE episode SET start_x_m = NULL WHERE id = 1": "episode 1: start_x_m: missing",
     "UPDATE episode SET final_x_m = NULL WHERE id = 1": "episode 1: final_x_m",
     "UPDATE step SET world_x_m = NULL WHERE episode_id = 1 AND number = 2": "step 1/2: world_x_m: missing",

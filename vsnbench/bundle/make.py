@@ -185,7 +185,7 @@ class _Bundle:
             if _EPISODE_FILE.fullmatch(name)
         ]
         # After the copy, when the files are in memory: checked before, each would be read from the disk twice.
-        if faults := image_faults(top, step_digests(self._connection, number), decode=False):
+        if faults := image_faults(top, step_digests(self._connection, number), read=False):
             raise RecordError(
                 f"episode {number}: {faults[0]} in {top}",
                 advice="restore the file, or bundle only the numbers with --without images",

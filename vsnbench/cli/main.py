@@ -23,12 +23,11 @@ from vsnbench.cli.support.renamed import refuse_renamed
 from vsnbench.cli.support.words import mark_missing_values, refuse_empty_directories, refuse_repeated
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
+from vsnbench.runtime.garbage import collect_rarely
 from vsnbench.text.log_output import LogOutput, log_more, opened_log
 from vsnbench.text.sanitize import memory_problem, sanitize
 from vsnbench.text.streams import sanitized_output
 
-_ALLOCATIONS = 10_000
-"""Allocations between garbage collections; at Python's default, collections while modules load take 0.3 s of a run."""
 VERBS: dict[str, tuple[str, str]] = {
     "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
     "stress": ("vsnbench.cli.running.stress", "Measure what disturbances of camera and odometry cost a model."),
@@ -162,7 +161,7 @@ def main(loaded: Callable[[], object] = lambda: None) -> None:
     Args:
         loaded: called when the command is loaded and before it runs.
     """
-    gc.set_threshold(_ALLOCATIONS, *gc.get_threshold()[1:])
+    collect_rarely()
     # At exit, Python visits every live object: a second if models are loaded. All resources are closed by then.
     atexit.register(gc.freeze)
     with sanitized_output():

@@ -1,6 +1,7 @@
 """Selects intact image files for the episodes of a merge.
 
-A copy is intact if every file of its step rows exists and decodes, and the depth pixels match their digest.
+A copy is intact if every file of its step rows exists and has the bytes that were written; files of older records
+without digests of their bytes must decode, and depth pixels match their digest.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -117,7 +118,7 @@ def plan_files(
         digests = _digests(copies[0], sources)
         faults = []
         if present.images_directory:
-            faults = image_faults(confined(here, present.images_directory), digests, decode=False)
+            faults = image_faults(confined(here, present.images_directory), digests, read=False)
             if not faults:
                 continue
         intact, _ = _intact_copy(copies, sources)
@@ -157,7 +158,7 @@ def _intact_copy(
         if root is None:
             continue
         files, top = files_below(root, copy.images_directory), confined(root, copy.images_directory)
-        faults = image_faults(top, _digests(copy, sources), decode=True)
+        faults = image_faults(top, _digests(copy, sources), read=True)
         if not faults:
             return EpisodeFiles(root, copy.images_directory, {file: (top / file).stat().st_size for file in files}), []
         first_faults = first_faults or faults

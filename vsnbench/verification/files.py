@@ -56,7 +56,7 @@ def _check_episode(record: VerifiedRecord, episode: Row[Any], check: Check) -> N
         return
     digests = step_digests(record.connection, episode.id)
     expected = list(expected_images(digests))
-    faults = {fault.file: fault for fault in image_faults(directory, digests, decode=True)}
+    faults = {fault.file: fault for fault in image_faults(directory, digests, read=True, decode=True)}
     for image in expected:
         fault = faults.get(image.file)
         check.add([] if fault is None else [finding(f"{named}/{image.file}", str(fault.damage))])

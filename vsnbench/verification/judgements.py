@@ -145,6 +145,9 @@ class _EpisodeCheck:
         driving = [step.result.duration_s for step in self.steps if step.result is not None]
         if driving:
             yield from self._number("duration_s", math.fsum(driving))
+        thinking = [step.timings.infer_s for step in self.steps]
+        known = [infer_s for infer_s in thinking if infer_s is not None]
+        yield from self._number("thinking_s", math.fsum(known) if known and len(known) == len(thinking) else math.nan)
         if self.is_recovered:  # the length is that of its motions, and its process did not measure the end
             return
         if self.start is None:
@@ -182,7 +185,7 @@ class _EpisodeCheck:
         if recorded is None and known:
             yield self._cell(column, f"missing, and the steps give {expected:.6g}")
         elif recorded is not None and not known:
-            yield self._cell(column, f"{recorded:.6g}, and the steps give no length")
+            yield self._cell(column, f"{recorded:.6g}, and the steps give no value")
         elif known and not math.isclose(recorded, expected, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE):
             yield self._cell(column, f"{recorded:.6g}, and the steps give {expected:.6g}")
 

@@ -64,7 +64,7 @@ def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
     faults: list[ImageFault] = []
     if images:
         digests = [StepDigests(step.number, step.rgb_digest, step.depth_digest) for step in steps]
-        faults = image_faults(directory, digests, decode=False)
+        faults = image_faults(directory, digests, read=False)
     return EpisodeReplay(_header(details), tuple(entries), directory, tuple(faults))
 
 

@@ -202,13 +202,14 @@ def test_a_reader_of_an_older_record_gets_an_upgraded_copy(
     sqlite: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     migrate.upgrade(open_engine(sqlite))
+    older = migrate.HEAD
     with_one_more_migration(tmp_path, monkeypatch, "op.execute('CREATE TABLE added (id INTEGER)')")
     with migrate.open_record(sqlite) as engine, engine.connect() as connection:
         copy = Path(str(engine.url.database or ""))
         assert connection.execute(text("SELECT count(*) FROM added")).scalar() == 0
     assert not copy.exists() or copy == Path()
     with open_engine(sqlite, read_only=True).connect() as connection:
-        assert connection.execute(text("SELECT version_num FROM alembic_version")).scalar() == "0009"
+        assert connection.execute(text("SELECT version_num FROM alembic_version")).scalar() == older
 
 
 def test_a_record_is_not_upgraded_under_a_robot_that_writes_to_it(

@@ -1,12 +1,14 @@
 """Steps with movements: chunks, pixels, kinds that a card does not state, and what is recorded."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.runner.episode.test_episode import MemoryRecorder
-from tests.runner.stand_ins import NOBODY, PLAN, PROFILE
+from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
@@ -14,6 +16,7 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
+from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
@@ -114,3 +117,25 @@ def test_a_pixel_without_depth_is_a_blocked_action() -> None:
     assert recorder.steps[0].blocked
     assert recorder.steps[0].result is None
     assert outcome.actions == 2
+
+
+def test_an_episodes_last_images_are_freed_with_it_without_a_garbage_collection() -> None:
+    images: list[weakref.ref[object]] = []
+
+    class Looking(StandInRobot):
+        def observe(self) -> Observation:
+            observation = super().observe()
+            images.append(weakref.ref(observation.rgb))
+            return observation
+
+    class Forgetful(MemoryRecorder):
+        def step(self, step: Step) -> None:
+            """Keep nothing."""
+
+    gc.disable()
+    try:
+        with StopRequests() as stop, Looking() as robot:
+            run_episode(robot, ScriptedPolicy([Action.TURN_LEFT, Action.STOP]), PLAN, Forgetful(), NOBODY, stop)
+        assert [image() is None for image in images] == [True, True]
+    finally:
+        gc.enable()

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from sqlalchemy import Connection, func, select
 
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.results.schema.tables import Episode, Step, Trial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,13 +37,13 @@ def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
     return ratio.where(shortest.notna() & path.notna())
 
 
-def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition], connection: Connection) -> "pd.DataFrame":
-    """Add the columns `thinking_s` and `sct`."""
+def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition]) -> "pd.DataFrame":
+    """Add the column `sct`, and keep `thinking_s` where it counts: of real robots, unless a study is blind."""
     speeds = {condition.number: condition.max_linear_m_s for condition in conditions}
     real = [condition for condition in conditions if not condition.simulated]
     # The time that a model thinks would reveal it in a blinded study.
-    campaigns = [campaign for condition in real if not condition.blind for campaign in condition.campaigns]
-    frame["thinking_s"] = frame["episode"].map(_thinking_s(connection, campaigns)).astype(np.float64)
+    shown = [condition.number for condition in real if not condition.blind]
+    frame["thinking_s"] = frame["thinking_s"].where(frame["condition"].isin(shown))
     counted_s = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]), 0.0)
     frame["sct"] = sct_of(frame, frame["condition"].map(speeds).astype(np.float64), frame["duration_s"] + counted_s)
     return frame
@@ -59,18 +57,3 @@ def sct_of(
     longest = ideal.where(ideal >= taken_s, taken_s)
     ratio = (ideal / longest.where(longest > 0)).where(longest > 0, 1.0).where(ideal.notna() & taken_s.notna())
     return ratio.where(frame["success"], 0.0)
-
-
-def _thinking_s(connection: Connection, campaigns: Sequence[int]) -> dict[int, float]:
-    """Return the inference time of each episode of which every step has one."""
-    if not campaigns:
-        return {}
-    rows = connection.execute(
-        select(Step.episode_id, func.sum(Step.infer_s))
-        .join(Episode, Episode.id == Step.episode_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Trial.campaign_id.in_(campaigns))
-        .group_by(Step.episode_id)
-        .having(func.count(Step.infer_s) == func.count())
-    )
-    return {row[0]: float(row[1] or 0.0) for row in rows}

@@ -167,7 +167,7 @@ def empty_report_data() -> ReportData:
     """Return an empty record, for published results without episodes."""
     import pandas as pd
 
-    episodes = _whole(_typed(dict.fromkeys(_READ, ())), {}).assign(thinking_s=[], sct=[])[list(COLUMNS)]
+    episodes = _whole(_typed(dict.fromkeys(_READ, ())), {}).assign(sct=[])[list(COLUMNS)]
     return ReportData((), episodes, pd.DataFrame(columns=["condition", "goal", "start", "trials"]))
 
 
@@ -183,7 +183,7 @@ def read_report_data(
     chosen = selection or Selection()
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, chosen)
-        episodes = add_times(_episodes(connection, chosen, condition_of), conditions, connection)[list(COLUMNS)]
+        episodes = add_times(_episodes(connection, chosen, condition_of), conditions)[list(COLUMNS)]
         planned = _planned(connection, chosen, condition_of)
         for (campaign, goal), name in ambiguous_names(connection).items():
             for frame in (episodes, planned):
@@ -228,6 +228,7 @@ def episodes_query() -> Select[Any]:
         type_coerce(GOAL_IN_SIGHT, NullType()),
         Episode.duration_s,
         Episode.wall_duration_s,
+        Episode.thinking_s,
         # Untyped, because pandas converts 200,000 times at once and SQLAlchemy converts them one by one.
         type_coerce(Episode.started_at, NullType()),
         type_coerce(Episode.ended_at, NullType()),
@@ -239,7 +240,7 @@ _READ = (
     *("episode", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
     *("end_reason", "success", "actions"),
     *("path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
-    *("duration_s", "wall_duration_s", "started_at", "ended_at", "images_directory"),
+    *("duration_s", "wall_duration_s", "thinking_s", "started_at", "ended_at", "images_directory"),
 )
 """Columns of `episodes_query`, in the same order."""
 _BATCH = 200

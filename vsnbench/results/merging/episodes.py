@@ -57,6 +57,8 @@ def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
 _PROCESS = columns_of(Process, "id")
 _EPISODE = columns_of(Episode, "id", "trial_id", "process_id", "session_id", "images_directory")
 _STEP = columns_of(Step, "episode_id")
+_NOT_COMPARED = (Episode.state.key, Episode.thinking_s.key)
+"""Columns that follow from verdicts, and from steps: two databases may add these in another order."""
 _DIGESTS = (Step.rgb_digest.key, Step.depth_digest.key)
 _VERDICT = columns_of(Verdict, "id", "episode_id")
 _PLACEMENT = columns_of(Placement, "id", "episode_id")
@@ -153,7 +155,9 @@ def difference(mine: EpisodeRows, theirs: EpisodeRows) -> str:
         return "it belongs to another trial"
     if mine.process != theirs.process:
         return "its process differs"
-    changed = sorted(name for name, value in mine.episode.items() if name != "state" and theirs.episode[name] != value)
+    changed = sorted(
+        name for name, value in mine.episode.items() if name not in _NOT_COMPARED and theirs.episode[name] != value
+    )
     if changed:
         return f"its {changed[0]} differs"
     if mine.placement != theirs.placement:

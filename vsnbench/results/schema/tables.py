@@ -220,6 +220,8 @@ class Episode(Base):
     duration_s: Mapped[float | None]
     """On the robot's clock."""
     wall_duration_s: Mapped[float | None]
+    thinking_s: Mapped[float | None]
+    """Wall time of the model's inference, summed over the steps at the end; NULL if a step has none."""
     distance_to_goal_m: Mapped[float | None]
     distance_source: Mapped[str | None]
     """Value of `vsnbench.values.fix.PoseSource`."""

@@ -32,7 +32,7 @@ from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.judging import RETRACTED, judge, require_unchanged_judgement
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState, advance, lease
 from vsnbench.results.writing.sessions import session_of
-from vsnbench.results.writing.steps import StepStatements, step_row
+from vsnbench.results.writing.steps import StepStatements, step_row, thinking_s
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
 
@@ -275,7 +275,8 @@ def write_end(connection: Connection, process_id: int, episode_id: int, end: Epi
     else:
         state = EpisodeState.AWAITING if end.proposed else EpisodeState.JUDGED
     before = ACTIVE if state is EpisodeState.VOID else (EpisodeState.RUNNING,)
-    advance(connection, episode_id, state, from_states=before, process_id=process_id, **episode_end_row(end))
+    columns = {**episode_end_row(end), "thinking_s": thinking_s(episode_id)}
+    advance(connection, episode_id, state, from_states=before, process_id=process_id, **columns)
     if verdict is not None:
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)

@@ -13,7 +13,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Self
 
-from sqlalchemy import Dialect, Engine, PoolProxiedConnection, bindparam, insert, select, update
+from sqlalchemy import (
+    Dialect,
+    Engine,
+    PoolProxiedConnection,
+    ScalarSelect,
+    bindparam,
+    case,
+    func,
+    insert,
+    select,
+    update,
+)
 from sqlalchemy.sql.dml import UpdateBase
 
 from vsnbench.results.schema.engine import transaction
@@ -195,6 +206,12 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "details": dict(step.details) or None,
         "movement": _movement_json(step),
     }
+
+
+def thinking_s(episode_id: int) -> ScalarSelect[float | None]:
+    """Select the sum of the inference times of an episode's steps; NULL if a step has none."""
+    complete = func.count(Step.infer_s) == func.count()
+    return select(case((complete, func.sum(Step.infer_s)))).where(Step.episode_id == episode_id).scalar_subquery()
 
 
 def _movement_json(step: StepRecord) -> dict[str, Any] | None:

@@ -88,12 +88,13 @@ class Stepper:
         self._view = view
         self._calls = calls
         self._plan = plan
-        self._base = robot.identity.profile.base
+        self._base = base = robot.identity.profile.base
         self._guard = plan.parameters.depth_guard
         self.watch = CameraWatch(
             robot.identity,
             self._guard,
-            free_ahead_m=lambda: free_space(plan.site, self._base.radius_m).free_ahead_m(start.pose),
+            # Without a reference to this object, whose cycle would keep the last images in memory.
+            free_ahead_m=lambda: free_space(plan.site, base.radius_m).free_ahead_m(start.pose),
         )
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 

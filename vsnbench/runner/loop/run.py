@@ -10,6 +10,7 @@ from vsnbench.runner.loop.contract import (
 )
 from vsnbench.runner.operator.contract import Operator, SessionEndedError
 from vsnbench.runner.stopping.requests import Stopped
+from vsnbench.runtime.garbage import collect_as_usual
 
 
 def run(source: TrialSource, executor: TrialExecutor, operator: Operator) -> str:
@@ -24,6 +25,7 @@ def run(source: TrialSource, executor: TrialExecutor, operator: Operator) -> str
         Stopped: a person or the system asked to stop; what happened until then is recorded.
         VsnbenchError: no trial can be run or recorded.
     """
+    collect_as_usual()  # all modules are loaded
     reason: str | None = None
     try:
         while True:

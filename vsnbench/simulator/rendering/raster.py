@@ -6,6 +6,7 @@ Fast maths is off and it uses one thread, so that the same scene gives the same 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.runtime.numba_cache import compiled
 
@@ -25,28 +26,31 @@ def draw_faces(  # noqa: PLR0913 - compiled functions take arrays, not objects
     centres: Any,
     radii: Any,
     faces: Any,
+    order: Any,
     nearness: Any,
     seen: Any,
 ) -> None:
     """Write the inverse depth and the index of the nearest face into `nearness` and `seen`, both (H, W).
 
-    Rows of `axes` are the camera's right, down and forward axes in the world; for the other arrays see `Mesh`.
+    They are 0 and -1 before. Rows of `axes` are the camera's right, down and forward axes in the world; `order` is from
+    `nearest_first`; for the other arrays see `Mesh`. Items are assigned one by one: an assignment of slices, and
+    functions of numpy, would take seconds to compile.
     """
     height, width = nearness.shape
-    nearness[:] = 0.0
-    seen[:] = -1
     left = np.empty(height, np.float64)
     right = np.empty(height, np.float64)
     points = np.empty((4, 3))
     clipped = np.empty((8, 3))
     screen = np.empty((8, 2))
-    counted = np.arange(width).astype(np.float32)
+    counted = np.empty(width, np.float32)
+    for k in range(width):
+        counted[k] = k
     # Half angles of the view, including half a pixel.
     slope_x = max(centre_x, width - centre_x) / focal
     slope_y = max(centre_y, height - centre_y) / focal
     norm_x = np.sqrt(1.0 + slope_x * slope_x)
     norm_y = np.sqrt(1.0 + slope_y * slope_y)
-    for primitive in _nearest_first(eye, centres, radii):
+    for primitive in order:
         dx = centres[primitive, 0] - eye[0]
         dy = centres[primitive, 1] - eye[1]
         dz = centres[primitive, 2] - eye[2]
@@ -82,7 +86,9 @@ def draw_faces(  # noqa: PLR0913 - compiled functions take arrays, not objects
                 after = (k + 1) % 4
                 z0, z1 = points[k, 2], points[after, 2]
                 if z0 >= NEAR_M:
-                    clipped[count] = points[k]
+                    clipped[count, 0] = points[k, 0]
+                    clipped[count, 1] = points[k, 1]
+                    clipped[count, 2] = points[k, 2]
                     count += 1
                 if (z0 >= NEAR_M) != (z1 >= NEAR_M):
                     share = (NEAR_M - z0) / (z1 - z0)
@@ -147,8 +153,7 @@ def draw_faces(  # noqa: PLR0913 - compiled functions take arrays, not objects
                         ids[k] = face
 
 
-@compiled
-def _nearest_first(eye: Any, centres: Any, radii: Any) -> Any:
+def nearest_first(eye: Any, centres: Any, radii: Any) -> npt.NDArray[np.intp]:
     """Return the indices of the primitives ordered by the distance of their bounding spheres from the eye; stable."""
     dx, dy, dz = centres[:, 0] - eye[0], centres[:, 1] - eye[1], centres[:, 2] - eye[2]
-    return np.argsort(np.sqrt(dx * dx + dy * dy + dz * dz) - radii, kind="mergesort")
+    return np.argsort(np.sqrt(dx * dx + dy * dy + dz * dz) - radii, kind="stable")

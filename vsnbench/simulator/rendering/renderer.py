@@ -106,12 +106,14 @@ class DepthDrawer:
             axes: (3, 3) from `camera_axes`.
             pinhole: the camera.
         """
-        from vsnbench.simulator.rendering.raster import draw_faces
+        from vsnbench.simulator.rendering.raster import draw_faces, nearest_first
 
         mesh, size = self.mesh, (pinhole.height, pinhole.width)
         if size not in self._buffers:
             self._buffers[size] = (np.empty(size, np.float32), np.empty(size, np.int32))
         nearness, seen = self._buffers[size]
+        nearness.fill(0.0)
+        seen.fill(-1)
         draw_faces(
             at,
             axes,
@@ -123,6 +125,7 @@ class DepthDrawer:
             mesh.centres,
             mesh.radii,
             mesh.faces,
+            nearest_first(at, mesh.centres, mesh.radii),
             nearness,
             seen,
         )

@@ -1,8 +1,9 @@
 """Shading: computes the colour of each pixel once its face is known.
 
 A surface is shaded in segments of a row: first the texture and light coordinates of many pixels at a time, then the
-colours, four channels at a time. Fast maths is off and it uses one thread, so that the same scene gives the same pixels
-in every run on every machine.
+colours, four channels at a time. Pixels are assigned one by one, because an assignment of slices takes seconds to
+compile. Fast maths is off and it uses one thread, so that the same scene gives the same pixels in every run on every
+machine.
 """
 
 from typing import Any
@@ -85,12 +86,13 @@ def shade_pixels(  # noqa: PLR0913 - compiled functions take arrays, not objects
         bz = axes[2, 2] + down * axes[1, 2]
         noise_at = grain_start(seed, row)
         edge = 1.0 + fall_off * (row - centre_y) * (row - centre_y)
-        column = 0
+        column = np.int64(0)  # with a literal 0, `_shade_sky` would be compiled twice
         while column < width:
             face = seen[row, column]
             end = column + _run_length(seen[row, column:width])
             if face < 0:
-                rgb[row, column:end] = 0
+                for x in range(column, end):
+                    rgb[row, x, 0] = rgb[row, x, 1] = rgb[row, x, 2] = 0
                 column = end
                 continue
             picture = texture[face]
@@ -269,15 +271,17 @@ def soften(rgb: Any) -> None:
     """Blur an image (H, W, 3) uint8 over its direct neighbours in place, as a lens and a Bayer filter do."""
     height, width = rgb.shape[0], rgb.shape[1] * 3
     pixels = rgb.reshape(height, width)
-    above = pixels[0].astype(np.uint16)
-    sums = np.empty(width + 6, np.uint16)
+    above, sums = np.empty(width, np.uint16), np.empty(width + 6, np.uint16)
+    for k in range(width):
+        above[k] = pixels[0, k]
     for row in range(height):
         here, below = pixels[row], pixels[min(row + 1, height - 1)]
         for k in range(width):
             value = np.uint16(here[k])
             sums[k + 3] = np.uint16(above[k] + np.uint16(value + value) + np.uint16(below[k]))
             above[k] = value
-        sums[:3], sums[width + 3 :] = sums[3:6], sums[width : width + 3]
+        for k in range(3):
+            sums[k], sums[width + 3 + k] = sums[k + 3], sums[width + k]
         for k in range(width):
             middle = np.uint16(sums[k + 3] + sums[k + 3])
             here[k] = np.uint8(np.uint16(sums[k] + middle + sums[k + 6] + np.uint16(8)) >> np.uint16(4))
