@@ -8,7 +8,6 @@ import logging
 import os
 import platform
 import sys
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -189,7 +188,6 @@ def _run(loaded: Callable[[], object]) -> None:
 def _run_command(loaded: Callable[[], object]) -> None:
     completing = _COMPLETING in os.environ
     name = _verb()
-    warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
     applied = [] if name == "config" or completing else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)
