@@ -119,7 +119,7 @@ def inspection_commands(episodes: Iterable[int]) -> Iterator[tuple[str, ...]]:
         yield "episodes", "show", str(number), "--steps"
         yield "episodes", "show", str(number), "--json"
     yield from (("judge", "--pending"), ("export", "csv", "-o", "seen/steps.csv"))
-    yield from (("export", "habitat", "-o", "seen/habitat"), ("export", "tum", "-o", "seen/tum"))
+    yield from (("export", "tum", "-o", "seen/tum"),)
 
 
 def files_below(*tops: str) -> Iterator[Path]:
