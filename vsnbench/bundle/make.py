@@ -18,7 +18,6 @@ from vsnbench.bundle.croissant import CROISSANT, croissant
 from vsnbench.bundle.derived_files import TABLES, write_derived_files
 from vsnbench.bundle.readme import readme
 from vsnbench.bundle.record_cut import cut_record
-from vsnbench.bundle.row_digests import ROW_DIGESTS, write_row_digests
 from vsnbench.bundle.selection import BundleSelection
 from vsnbench.bundle.signatures import sign
 from vsnbench.bundle.stored_zip import StoredFile, StoredZipWriter
@@ -102,7 +101,6 @@ def make_bundle(
             cut_record(source, selection, database, with_images=request.with_images)
         progress("reading the record", 1, 3)
         write_derived_files(content / "results", content, request.note)
-        write_row_digests(database, content / ROW_DIGESTS)
         progress("reading the record", 3, 3)
         engine = stack.enter_context(open_record(sqlite_url(database)))
         connection = stack.enter_context(reading(engine).begin())

@@ -26,7 +26,6 @@ _CONTENT = """\
 | `study/` | plan of the study, as locked or last amended |
 | `environment.json` | the commands that ran the episodes, and their packages |
 | `results/` | the record: a results directory of vsnbench |
-| `digests/` | a digest of every row, with which `vsnbench verify` names a changed cell |
 | `ro-crate-metadata.json` | every file with its size and SHA-256 (RO-Crate) |
 | `manifest-sha256.txt` | SHA-256 of every file; signatures are made of this file |
 
