@@ -104,8 +104,9 @@ def make_bundle(
         engine = stack.enter_context(open_record(sqlite_url(database)))
         connection = stack.enter_context(reading(engine).begin())
         part = stack.enter_context(atomic_file(output))
-        with part.open("w+b") as file, (stage / MANIFEST).open("w", encoding="ascii") as manifest:
-            bundle = _Bundle(stage, results.path, connection, StoredZipWriter(file), manifest)
+        manifest = stack.enter_context((stage / MANIFEST).open("w", encoding="ascii"))
+        with part.open("w+b") as file, StoredZipWriter(file) as archive:
+            bundle = _Bundle(stage, results.path, connection, archive, manifest)
             return bundle.write(request, output, progress)
 
 

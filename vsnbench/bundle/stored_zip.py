@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import IO, Any, BinaryIO
+from typing import IO, Any, BinaryIO, Self
 
 from vsnbench.errors import RecordError
 
@@ -35,12 +35,18 @@ class StoredFile:
 
 
 class StoredZipWriter:
-    """Writes files to an archive in the order in which they are added."""
+    """Writes files to an archive in the order in which they are added; a context manager."""
 
     def __init__(self, file: BinaryIO) -> None:
         """Begin an archive in an empty file."""
         self._file = file
         self._archive = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._archive.close()  # zipfile would do it later, when the file is closed
 
     def add(self, name: str, source: BinaryIO, size_bytes: int) -> StoredFile:
         """Copy a file into the archive.
