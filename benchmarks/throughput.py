@@ -6,20 +6,16 @@ action of each part of the bare loop.
 
     python benchmarks/throughput.py [--episodes 6] [--keep images]
 
-With `--camera`, the recorded run renders only RGB at that size. `--base` compares it with the bare loop of an earlier
-commit, which renders all images at 640x480:
+With `--camera`, the recorded run renders only RGB at that size:
 
-    python benchmarks/throughput.py --keep none --camera 256x256 --base 56931d3
+    python benchmarks/throughput.py --keep none --camera 256x256
 """
 
 import argparse
-import statistics
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-
-from single_core import Driver, earlier_tree
 
 from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -48,7 +44,6 @@ from vsnbench.values.observation import Observation, Sensor
 from vsnbench.viewer.live import RerunEpisodes
 
 START = 5
-ROUNDS = 5
 PARAMETERS = ProtocolParameters(max_actions=60)
 
 
@@ -148,21 +143,6 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
     return tally
 
 
-def compare_with(base: str, robot: Robot, site: Site, episodes: int, directory: Path, kept: KeepFiles) -> None:
-    """Alternate bare rounds of the earlier commit with recorded rounds of this tree, and print the ratios."""
-    drive_recorded(robot, site, 1, directory / "warm-up", kept)
-    with earlier_tree(base, directory / "base") as tree:
-        earlier = Driver(tree, "simulated", 100, lean=False)
-        rates = []
-        for number in range(ROUNDS):
-            before = earlier.rate()
-            rates.append((before, drive_recorded(robot, site, episodes, directory / f"{number}", kept).rate))
-        earlier.close()
-    for before, after in rates:
-        print(f"{base} bare {before:6.1f} actions/s, recorded here {after:6.1f}  ({after / before:.2f} times)")
-    print(f"median ratio  {statistics.median(after / before for before, after in rates):6.2f}")
-
-
 def main() -> None:
     """Run the measurement and print the rates."""
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -171,7 +151,6 @@ def main() -> None:
         "--keep", type=KeepFiles, default=KeepFiles.ALL, choices=list(KeepFiles), help="files to keep"
     )
     arguments.add_argument("--camera", default="", help="WIDTHxHEIGHT of the only image that the recorded run renders")
-    arguments.add_argument("--base", default="", help="earlier commit whose bare loop is the baseline")
     asked = arguments.parse_args()
     compute_with_one_thread()
     episodes, kept = asked.episodes, asked.keep
@@ -182,9 +161,6 @@ def main() -> None:
         read = frozenset({Sensor.RGB, Sensor.ODOMETRY})
         recording = open_robot(f"simulated:turtlebot2@{asked.camera}", site, PARAMETERS, read=read)
     with tempfile.TemporaryDirectory() as directory:
-        if asked.base:
-            compare_with(asked.base, recording, site, episodes, Path(directory), kept)
-            return
         drive_bare(robot, site, 1)
         drive_recorded(recording, site, 1, Path(directory) / "warm-up", kept)
         bare = drive_bare(robot, site, episodes)

@@ -32,7 +32,6 @@ sys.path.insert(0, str(ROOT))
 
 from vsnbench.bundle.archive import MANIFEST, manifest_lines, open_bundle  # noqa: E402 - found from any directory now
 from vsnbench.bundle.derived_files import STUDY_FILE, write_derived_files  # noqa: E402
-from vsnbench.bundle.row_digests import ROW_DIGESTS, write_row_digests  # noqa: E402
 from vsnbench.errors import VsnbenchError  # noqa: E402
 from vsnbench.study.lock import read_note  # noqa: E402
 from vsnbench.verification.checks import Verification  # noqa: E402
@@ -136,7 +135,7 @@ def change_cells(directory: Path, damages: int, chance: random.Random, *, forge:
         key, column, before, after = change_cell(database, table, chance)
         if forge:
             make_hashes(directory)
-        result = outcome(verified(directory), *((column,) if forge else (f"{table} {key}", column)))
+        result = outcome(verified(directory), *((column,) if forge else (DATABASE,)))
         found.setdefault(table, []).append(result)
         print(f"\r{number + 1}", end="", file=sys.stderr, flush=True)
         if not (result.found and result.named) and not forge:
@@ -187,8 +186,7 @@ def changed(value: Any, chance: random.Random) -> Any:
 
 
 def make_hashes(directory: Path) -> None:
-    """Recompute digests, tables, report and manifest, as far as the changed record allows."""
-    write_row_digests(directory / DATABASE, directory / ROW_DIGESTS)
+    """Recompute tables, report and manifest, as far as the changed record allows."""
     try:
         write_derived_files(directory / "results", directory, read_note(directory / STUDY_FILE))
     except Exception as error:  # the record is unreadable: keep the old files

@@ -94,7 +94,7 @@ SCRIPTS: dict[str, Callable[[ServerConnection, dict[str, Any]], None]] = {
 def serve_script(fault: str, port: int, weights: str) -> None:
     """Serve a model that turns left, and runs the script of its fault once per directory."""
     card = {"name": "scripted", "goals": ["chair"], "sensors": ["rgb"], "weights_sha256": weights}
-    greeting = {"type": "card", "wire": 99 if fault == "another version of the wire" else 1, "card": card}
+    greeting = {"type": "card", "wire": 99 if fault == "another version of the wire" else 2, "card": card}
     if fault == "a card without a name":
         greeting["card"] = {**card, "name": ""}
 

@@ -70,7 +70,6 @@ SLOW = frozenset(
         "models/remote/test_websockets_versions.py",
         "models/test_contract_check.py",
         "models/test_identity.py",
-        "models/vlv/test_centernet.py",
         "models/vlv/test_map_against_site.py",
         "models/vlv/test_mask_rcnn.py",
         "models/vlv/test_planner.py",

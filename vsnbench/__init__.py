@@ -7,8 +7,6 @@ define it are loaded on first use.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from vsnbench.deprecated_imports import install_finder
-
 if TYPE_CHECKING:
     from vsnbench.errors import ModelError, NotPlacedError, RobotError, VsnbenchError
     from vsnbench.models.contract import BatchPolicy, ModelCard, Policy
@@ -116,6 +114,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-install_finder(_NAMES)

@@ -85,7 +85,7 @@ class NavDP:
             raise ValueError(f"the server at {self.url} is that of {answer.get('algo')!r:.40}, not of NavDP")
 
     def reset(self, goal, seed):
-        """Refuse clients of version 1 of the protocol, which send no camera."""
+        """Refuse an episode without a task, which has no camera."""
         raise ValueError("navdp needs the robot's camera: use a newer vsnbench on the robot's side")
 
     def act(self, observation):

@@ -46,7 +46,7 @@ class _VLFM:
         self.policy = self.made_for_camera = self.task = None
 
     def reset(self, goal, seed):
-        """Refuse clients of version 1 of the protocol, which send no camera."""
+        """Refuse an episode without a task, which has no camera."""
         raise ValueError("vlfm needs the robot's camera: use a newer vsnbench on the robot's side")
 
     def begin(self, task):

@@ -26,7 +26,7 @@ function close(socket, error) {
 }
 
 function greet(socket, hello) {
-  const common = hello.wire <= WIRE && (hello.newest_wire ?? hello.wire) >= WIRE; // version 1 has no waypoints
+  const common = hello.wire <= WIRE && (hello.newest_wire ?? hello.wire) >= WIRE;
   if (hello.type !== "hello") return close(socket, { code: "protocol", message: "the first message must be hello" });
   if (!common) return close(socket, { code: "version", message: `version ${WIRE} only` });
   const known = !token || timingSafeEqual(digest(hello.token), digest(token));

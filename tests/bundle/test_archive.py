@@ -4,6 +4,7 @@ import hashlib
 import io
 import os
 import random
+import re
 import stat
 import struct
 import subprocess
@@ -12,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from vsnbench.bundle import stored_zip
 from vsnbench.bundle.archive import (
     FORMAT_FILE,
     MANIFEST,
@@ -91,23 +91,25 @@ def test_other_programs_read_it(bundle, tmp_path):
     assert not (tmp_path / "unused").exists()
 
 
-def test_sizes_beyond_32_bits_are_read_by_other_programs(monkeypatch, tmp_path):
-    monkeypatch.setattr(stored_zip, "_LIMIT_16", 3)
-    files = {f"file{number}": b"x" * number for number in range(5)}
-    with zipfile.ZipFile(write(tmp_path / "many.zip", files)) as archive:
-        assert {name: archive.read(name) for name in archive.namelist()} == files
+def test_an_archive_with_the_fields_of_zip64_has_no_problems(monkeypatch, tmp_path):
+    monkeypatch.setattr(zipfile, "ZIP64_LIMIT", 2000)
+    monkeypatch.setattr(zipfile, "ZIP_FILECOUNT_LIMIT", 3)
+    assert open_bundle(write(tmp_path / "b.zip", contents()), tmp_path / "into").problems == ()
 
 
-def test_files_beyond_4_gib_have_the_fields_of_zip64(tmp_path):
-    directory = stored_zip._Directory()
-    large = stored_zip.StoredFile("large", 5 * 2**30, 7, "")
-    directory.add(large, 6 * 2**30)
-    archive = io.BytesIO(b"".join(directory.parts(0)))
-    info = zipfile.ZipFile(archive).infolist()[0]
-    assert (info.file_size, info.compress_size, info.header_offset) == (5 * 2**30, 5 * 2**30, 6 * 2**30)
-    header = stored_zip._local_header("large", 5 * 2**30, 7)
-    entry = stored_zip.StoredZipReader(io.BytesIO(header[30:]), 6 * 2**30)._entry(header[:30])
-    assert (entry.size_bytes, entry.header) == (5 * 2**30, header)
+def test_files_that_share_their_bytes_are_refused(tmp_path):
+    """The directory of such an archive names one place several times, so that it would expand."""
+    content = bytearray(write(tmp_path / "b.zip", contents()).read_bytes())
+    size = len(FILES["results/vsnbench.db"])
+    for entry in places(content, b"PK\x01\x02"):
+        struct.pack_into("<2L", content, entry + 20, size, size)
+        struct.pack_into("<L", content, entry + 42, content.index(b"PK\x03\x04", 4))
+    (tmp_path / "b.zip").write_bytes(content)
+    assert refusal(tmp_path / "b.zip", tmp_path / "into") == "truncated-bundle"
+
+
+def places(content: bytes, signature: bytes) -> list[int]:
+    return [match.start() for match in re.finditer(re.escape(signature), content)]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -216,8 +218,7 @@ def test_links_and_devices_become_regular_files_and_are_reported(tmp_path, kind)
 def test_an_encrypted_file_is_refused(tmp_path):
     path = tmp_path / "b.zip"
     content = bytearray(write(path, contents()).read_bytes())
-    second = content.index(b"PK\x03\x04", 4)
-    content[second + 6] |= 1
+    content[places(content, b"PK\x01\x02")[1] + 8] |= 1
     path.write_bytes(content)
     assert refusal(path, tmp_path / "into") == "unsafe-bundle"
 
@@ -225,10 +226,19 @@ def test_an_encrypted_file_is_refused(tmp_path):
 def test_a_file_that_claims_to_be_larger_than_the_archive_is_refused(tmp_path):
     path = tmp_path / "b.zip"
     content = bytearray(write(path, contents()).read_bytes())
-    second = content.index(b"PK\x03\x04", 4)
-    struct.pack_into("<2L", content, second + 18, 2**31, 2**31)
+    struct.pack_into("<2L", content, places(content, b"PK\x01\x02")[1] + 20, 2**31, 2**31)
     path.write_bytes(content)
     assert refusal(path, tmp_path / "into") == "truncated-bundle"
+
+
+@pytest.mark.parametrize("field", [4, 6, 8, 10, 14, 18, 22])
+def test_a_header_that_differs_from_the_directory_is_found(tmp_path, field):
+    path = tmp_path / "b.zip"
+    content = bytearray(write(path, contents()).read_bytes())
+    content[places(content, b"PK\x03\x04")[1] + field] ^= 1
+    path.write_bytes(content)
+    opened = open_bundle(path, tmp_path / "into")
+    assert opened.problems == (BundleProblem("results/vsnbench.db", Mismatch.ARCHIVE),)
 
 
 def test_a_truncated_bundle_is_refused_at_every_length(bundle, tmp_path):

@@ -102,7 +102,6 @@ judge 1 --second Grace --retract
 judge 3 --void visitor --yes
 view 1
 export tum -o tum
-export habitat -o habitat
 export csv -o data.csv
 export bag 1 -o episode.bag
 export mcap -o mcap

@@ -38,7 +38,7 @@ NOT_RUN = {
     "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
-    "an address": "of weights; tests/cli/models/test_fetching.py fetches from a local server and a package",
+    "an address": "of weights; tests/cli/models/test_fetching.py fetches from a local server",
 }
 """What a block needs, from the comment before it -> why it is parsed instead of run."""
 

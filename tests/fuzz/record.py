@@ -27,7 +27,6 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("compare", "vlv", "forward"),
     ("export", "csv", "-o", "{home}/steps.csv"),
     ("export", "tum", "-o", "{home}/tum"),
-    ("export", "habitat", "-o", "{home}/habitat"),
     ("export", "bag", "1", "-o", "{home}/one.bag"),
     ("view", "1", "--path"),
     ("judge", "1", "--confirm", "--yes"),
@@ -68,7 +67,7 @@ class RecordTarget:
         (home / "good.json").write_text('[{"goal": "bed", "success": 0, "steps": 15}]')
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        for left in ("results", "copy.db", "steps.csv", "tum", "habitat", "one.bag", "merged"):
+        for left in ("results", "copy.db", "steps.csv", "tum", "one.bag", "merged"):
             path = self.home / left
             shutil.rmtree(path, ignore_errors=True)
             path.unlink(missing_ok=True)

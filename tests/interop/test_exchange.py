@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tests.report.records import Attempt, Lab, step, void
+from tests.report.records import Attempt, Lab, step
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.interop.episodes import ExportedEpisode, read_episodes, write_tum
-from vsnbench.interop.habitat import read_habitat, write_habitat
+from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.interop.rosbag import write_bag
 from vsnbench.interop.step_csv import write_steps
@@ -56,30 +56,6 @@ def test_a_tum_file_has_a_unit_quaternion_a_step_in_the_frame_of_the_site(lab: L
     assert rows[0, 1:3] == pytest.approx([1.25, 1.0])
     assert np.hypot(rows[:, 6], rows[:, 7]) == pytest.approx(1.0)
     assert (np.diff(rows[:, 0]) >= 0).all()
-
-
-def test_habitat_results_leave_void_episodes_out_and_come_back_in(lab: Lab, tmp_path: Path) -> None:
-    lab.write([void(start=1), Attempt(start=1), Attempt(start=2, success=False, path_m=4.0, remaining_m=1.0)])
-    assert write_habitat(episodes_of(lab), tmp_path / "out") == 2
-    results = json.loads((tmp_path / "out" / "episode_results.json").read_text())
-    assert [(row["success"], row["spl"]) for row in results] == [(1.0, 1.0), (0.0, 0.0)]
-    assert results[1]["soft_spl"] == pytest.approx(0.25)
-    (means,) = json.loads((tmp_path / "out" / "aggregated_results.json").read_text()).values()
-    assert means["condition"]["protocol"]["max_actions"] == 150
-    assert (means["num_episodes"], means["success"]) == (2, 0.5)
-    back = read_habitat(tmp_path / "out" / "episode_results.json")
-    assert [(one.goal, one.success, one.steps) for one in back] == [("chair", True, 10), ("chair", False, 10)]
-
-
-def test_habitat_means_pool_only_like_with_like(lab: Lab, tmp_path: Path) -> None:
-    lab.write([Attempt(start=s) for s in (1, 2)])
-    lab.write([Attempt(start=s, success=False) for s in (1, 2)], protocol=ProtocolParameters(max_actions=50))
-    write_habitat(episodes_of(lab), tmp_path / "out")
-    means = json.loads((tmp_path / "out" / "aggregated_results.json").read_text())
-    assert {name: (one["success"], one["condition"]["protocol"]["max_actions"]) for name, one in means.items()} == {
-        "vlv, simulated, apartment #1": (1.0, 150),
-        "vlv, simulated, apartment #2": (0.0, 50),
-    }
 
 
 def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path) -> None:

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.models.remote.servers import look
 from vsnbench import plugins
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models import names, registry
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.duck_typed import DuckTypedPolicy
-from vsnbench.models.identity import code_of
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 
@@ -56,22 +53,15 @@ class OddlyCarded(Statue):
 
 
 class Duck:
-    """A model as version 0.1 allowed it."""
+    """Has the members of a policy, but not its base class."""
 
     card = ModelCard("duck")
 
-    def __init__(self) -> None:
-        self.calls: list[str] = []
-
     def reset(self, goal: str, seed: int) -> None:
-        self.calls.append("reset")
+        """Start an episode."""
 
     def act(self, observation: object) -> Decision:
-        self.calls.append("act")
         return Decision(Action.STOP)
-
-    def close(self) -> None:
-        self.calls.append("close")
 
 
 @pytest.fixture
@@ -139,6 +129,7 @@ def test_an_option_the_model_lacks_is_a_usage_error_that_names_the_options(plug_
         ("statues:NUMBER", {}, "not-callable"),
         ("statues:Mute", {}, "not-a-policy"),
         ("statues:Cardless", {}, "not-a-policy"),
+        ("statues:Duck", {}, "not-a-policy"),
         ("statues:Surveyor", {}, "survey-not-declared"),
         ("statues:OddlyCarded", {}, "invalid-card"),
         ("statues:Statue", {"patience": -1}, "model-not-created"),
@@ -148,18 +139,6 @@ def test_a_broken_plug_in_is_a_model_error(plug_in_module: str, name: str, optio
     with pytest.raises(ModelError) as raised:
         registry.create_policy(name, **options)
     assert raised.value.code == code
-
-
-def test_a_model_without_the_base_class_works_with_a_warning(plug_in_module: str) -> None:
-    with pytest.warns(DeprecationWarning, match=r"class Duck\(vsnbench\.Policy\)"):
-        policy = registry.create_policy(f"{plug_in_module}:Duck")
-    policy.reset("chair", 3)
-    assert policy.act(look()).action is Action.STOP
-    policy.close()
-    assert isinstance(policy, DuckTypedPolicy)
-    assert policy.model.calls == ["reset", "act", "close"]
-    assert not policy.needs_survey
-    assert code_of(policy)["class"] == f"{__name__}:Duck"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import vsnbench
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report import frames
-from vsnbench.report.analysis.episodes_frame import COLUMNS, Selection
+from vsnbench.report.analysis.episodes_frame import COLUMNS
 from vsnbench.values.action import Action
 
 KEY = ["episode_id", "number"]
@@ -65,10 +65,3 @@ def test_campaigns_are_rows_that_episodes_refer_to(lab: Lab) -> None:
 def test_missing_results_are_refused_when_opened(tmp_path: Path) -> None:
     with pytest.raises(RecordError):
         vsnbench.open_results(tmp_path / "nothing")
-
-
-def test_the_functions_of_version_0_1_still_work_with_a_warning(lab: Lab) -> None:
-    with pytest.warns(DeprecationWarning, match="open_results"):
-        assert frames.episodes(lab.directory, Selection(goals=["bed"]))["goal"].tolist() == ["bed", "bed"]
-    with pytest.warns(DeprecationWarning, match="open_results"):
-        assert frames.steps(lab.directory, [2])["raw_action"].tolist() == ["LOOK_DOWN", "STOP"]

@@ -39,12 +39,6 @@ class NoRobot:
     """Not a robot at all."""
 
 
-class OutdatedRobot(OutsideRobot):
-    """Written for version 0.1, where this name asked for a person."""
-
-    needs_a_person = True
-
-
 class BrokenRobot:
     """Raises on creation."""
 
@@ -117,7 +111,6 @@ def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pyte
         (f"{HERE}:Missing", RobotError, "import-failed"),
         (f"{HERE}:HERE", RobotError, "not-callable"),
         (f"{HERE}:NoRobot", RobotError, "not-a-robot"),
-        (f"{HERE}:OutdatedRobot", RobotError, "outdated-robot"),
         (f"{HERE}:PassesForOurs", RobotError, "wrong-robot-kind"),
         (f"{HERE}:BrokenRobot", RobotError, "robot-not-created"),
     ],

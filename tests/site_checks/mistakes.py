@@ -194,7 +194,7 @@ MISTAKES = [
         "position: [1.1, 0.95]",
         "position: [1,1, 0,95]",
         "format",
-        "is this a decimal comma? Write 1.5, not 1,5: [1.1, 0.95]",
+        "is this a decimal comma? Write 1.5, not 1,5",
     ),
     Mistake(
         "a decimal comma in a number",
@@ -208,10 +208,10 @@ MISTAKES = [
         "ceiling_height_m: 2.5",
         "ceiling_height_m: 2.5 m",
         "format",
-        "got '2.5 m': write it without the unit: 2.5",
+        "got '2.5 m': write it in metres",
     ),
     Mistake(
-        "a direction as text", "heading_deg: 120", "heading_deg: north", "format", "so right is 0 and up 90: write 90"
+        "a direction as text", "heading_deg: 120", "heading_deg: north", "format", "got 'north': write it in degrees"
     ),
     Mistake(
         "a television that faces the wall",

@@ -43,25 +43,22 @@ def test_all_mistakes_are_reported_together(tmp_path: Path) -> None:
     left_out = apartment().replace(number[0], re.sub(r", heading_deg: -?[\d.]+", "", number[0]))
     assert problems(tmp_path, left_out) == ["required field is missing"]
     commas = re.sub(r"position: \[(\d+)\.(\d+), (\d+)\.(\d+)\]", r"position: [\1,\2, \3,\4]", apartment(), count=1)
-    assert problems(tmp_path, commas) == [
-        "expected 2 values, got 4: is this a decimal comma? Write 1.5, not 1,5: [0.38, 7.12]"
-    ]
+    assert problems(tmp_path, commas) == ["expected 2 values, got 4: is this a decimal comma? Write 1.5, not 1,5"]
 
 
 @pytest.mark.parametrize(
     ("right", "wrong", "expected"),
     [
         ("size_m: [2.05, ", "size_m: [2050, ", "this looks like millimetres; in metres it is 2.05"),
-        ("size_m: [2.05, ", "size_m: [2000, ", "this looks like centimetres or millimetres; in metres it is 20 or 2"),
         ("size_m: [2.05, ", "size_m: [205, ", "this looks like centimetres; in metres it is 2.05"),
         (
             "position: [8.8, 4.32]",
             "position: '8.8, 4.32'",
             "expected a list of coordinates",
         ),
-        ("position: [8.8, 4.32]", "position: [8.8, 4.32, 0]", "a height after x and y?"),
+        ("position: [8.8, 4.32]", "position: [8.8, 4.32, 0]", "expected 2 values, got 3"),
         ("position: [8.8, 4.32]", "pos: [8.8, 4.32]", "unknown field: did you mean position?"),
-        ("heading_deg: 165", "heading_deg: North-West", "up 90: write 135"),
+        ("heading_deg: 165", "heading_deg: North-West", "got 'North-West': write it in degrees"),
         (
             "category: rug",
             "category: round rug",

@@ -139,11 +139,11 @@ def test_a_flipped_byte_of_an_unpacked_bundle_is_named(bundled: Path, tmp_path: 
         assert f"{name}: changed" in lines(verified(directory))
 
 
-def test_a_changed_cell_of_a_bundle_is_named_by_file_row_and_column(bundled: Path, tmp_path: Path) -> None:
+def test_a_changed_cell_of_a_bundle_is_found_by_its_file_and_named_by_the_tables(bundled: Path, tmp_path: Path) -> None:
     directory = open_bundle(bundled, tmp_path / "bundle").directory
     change(directory / "results", "UPDATE process SET host = 'elsewhere'")
     found = lines(verified(directory))
-    assert {"results/vsnbench.db: changed", "process 1: host: changed since it was bundled"} <= set(found)
+    assert "results/vsnbench.db: changed" in found
     assert [line for line in found if line.startswith("environment.json: processes[0].host: ")]
 
 

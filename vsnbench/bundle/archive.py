@@ -4,12 +4,12 @@ import hashlib
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from vsnbench.bundle.stored_zip import StoredZipEntry, StoredZipReader
+from vsnbench.bundle.stored_zip import StoredZipEntry, StoredZipReader, first_file
 from vsnbench.errors import RecordError
 from vsnbench.text.sanitize import sanitize
 
@@ -118,24 +118,24 @@ def _unpacked(path: Path, into: Path) -> OpenBundle:
             advice="free some space, or unpack it elsewhere and name its directory",
         )
     with path.open("rb") as file:
-        reader = StoredZipReader(file, size)
-        if reader.first_name() != FORMAT_FILE:
+        first, content = first_file(file, _LONGEST_FORMAT_BYTES)
+        if first != FORMAT_FILE:
             raise _not_a_bundle(path)
+        _check_version(path, content)
+        reader = StoredZipReader(file, size)
+        _check_names(reader.names)
         hashes: dict[str, str] = {}
-        names = _Names()
         for entry in reader.files():
-            names.add(entry.name)
             _write(entry, into / entry.name)
-            if not hashes:
-                _check_version(path, into / FORMAT_FILE)
             hashes[entry.name] = entry.finish().sha256
     altered = [BundleProblem(name, Mismatch.ARCHIVE) for name in reader.altered]
     altered += [BundleProblem("", Mismatch.ARCHIVE)] if reader.directory_altered else []
     return _compared(into, hashes, altered)
 
 
-def _check_version(path: Path, format_file: Path) -> None:
-    match = _FORMAT_LINE.fullmatch(_read(format_file, _LONGEST_FORMAT_BYTES))
+def _check_version(path: Path, content: bytes) -> None:
+    """Check the version in the content of FORMAT_FILE; the headers of an archive may follow it."""
+    match = _FORMAT_LINE.match(content)
     if match is None:
         raise RecordError(
             f"the first file of {path}, {FORMAT_FILE}, is not as `vsnbench bundle` writes it",
@@ -159,29 +159,25 @@ def _not_a_bundle(path: Path) -> RecordError:
     )
 
 
-class _Names:
-    """Checks names before files are written under them."""
+def _check_names(names: Sequence[str]) -> None:
+    """Check names before files are written under them.
 
-    def __init__(self) -> None:
-        self._files: set[str] = set()
-        self._folders: set[str] = set()
-
-    def add(self, name: str) -> None:
-        """Check the next name.
-
-        Raises:
-            RecordError: it could lead out of the directory, or two names are one file on some disk.
-        """
+    Raises:
+        RecordError: one could lead out of the directory, or two are one file on some disk.
+    """
+    if len(names) > _MOST_FILES:
+        raise _unsafe(f"contains more than {_MOST_FILES:,} files")
+    files: set[str] = set()
+    known_folders: set[str] = set()
+    for name in names:
         folded = name.lower()
         folders = {folded[:place] for place, letter in enumerate(folded) if letter == "/"}
         if len(name) > _LONGEST_NAME or _NAME.fullmatch(name) is None:
             raise _unsafe(f"contains the name {sanitize(name)[:100]!r}, which vsnbench never writes")
-        if folded in self._files or folded in self._folders or not folders.isdisjoint(self._files):
+        if folded in files or folded in known_folders or not folders.isdisjoint(files):
             raise _unsafe(f"contains {name!r} twice, or two names that are one on some disks")
-        if len(self._files) >= _MOST_FILES:
-            raise _unsafe(f"contains more than {_MOST_FILES:,} files")
-        self._files.add(folded)
-        self._folders |= folders
+        files.add(folded)
+        known_folders |= folders
 
 
 def _unsafe(what: str) -> RecordError:
@@ -215,7 +211,7 @@ def _hashes_below(directory: Path) -> Iterator[tuple[str, str]]:
 def _compared(directory: Path, hashes: dict[str, str], problems: list[BundleProblem]) -> OpenBundle:
     if FORMAT_FILE not in hashes:
         raise _not_a_bundle(directory)
-    _check_version(directory, directory / FORMAT_FILE)
+    _check_version(directory, _read(directory / FORMAT_FILE, _LONGEST_FORMAT_BYTES))
     content = _read(directory / MANIFEST, _LARGEST_LIST_BYTES)
     listed = {}
     for line in content.decode("utf-8", "replace").splitlines():

@@ -7,8 +7,8 @@ from typing import Any
 from sqlalchemy import Boolean, Float, Integer
 from sqlalchemy.types import TypeEngine
 
-from vsnbench.bundle.crate import BundleAbout
 from vsnbench.bundle.derived_files import RAW_TABLES
+from vsnbench.bundle.readme import BundleAbout
 from vsnbench.bundle.stored_zip import StoredFile
 from vsnbench.report.analysis.episodes_frame import COLUMNS
 from vsnbench.report.frames import CAMPAIGN_COLUMNS

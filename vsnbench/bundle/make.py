@@ -13,12 +13,10 @@ from sqlalchemy import Connection, func, select
 
 from vsnbench import __version__
 from vsnbench.bundle.archive import FORMAT_FILE, MANIFEST, SIGNATURES, format_line, manifest_lines
-from vsnbench.bundle.crate import METADATA, BundleAbout, CrateWriter
 from vsnbench.bundle.croissant import CROISSANT, croissant
 from vsnbench.bundle.derived_files import TABLES, write_derived_files
-from vsnbench.bundle.readme import readme
+from vsnbench.bundle.readme import BundleAbout, readme
 from vsnbench.bundle.record_cut import cut_record
-from vsnbench.bundle.row_digests import ROW_DIGESTS, write_row_digests
 from vsnbench.bundle.selection import BundleSelection
 from vsnbench.bundle.signatures import sign
 from vsnbench.bundle.stored_zip import StoredFile, StoredZipWriter
@@ -102,13 +100,13 @@ def make_bundle(
             cut_record(source, selection, database, with_images=request.with_images)
         progress("reading the record", 1, 3)
         write_derived_files(content / "results", content, request.note)
-        write_row_digests(database, content / ROW_DIGESTS)
         progress("reading the record", 3, 3)
         engine = stack.enter_context(open_record(sqlite_url(database)))
         connection = stack.enter_context(reading(engine).begin())
         part = stack.enter_context(atomic_file(output))
-        with part.open("w+b") as file, (stage / MANIFEST).open("w", encoding="ascii") as manifest:
-            bundle = _Bundle(stage, results.path, connection, StoredZipWriter(file), manifest)
+        manifest = stack.enter_context((stage / MANIFEST).open("w", encoding="ascii"))
+        with part.open("w+b") as file, StoredZipWriter(file) as archive:
+            bundle = _Bundle(stage, results.path, connection, archive, manifest)
             return bundle.write(request, output, progress)
 
 
@@ -129,29 +127,22 @@ class _Bundle:
         """Write all files."""
         about = _about(self._connection, request.about)
         episodes = self._connection.execute(select(Episode.id, Episode.images_directory).order_by(Episode.id)).all()
-        with CrateWriter(about) as crate:
-            self._add_bytes(FORMAT_FILE, format_line(), crate)
-            self._add_bytes("README.md", readme(about, with_images=request.with_images).encode(), crate)
-            tables = {}
-            content = self._stage / "content"
-            for path in sorted(path for path in content.rglob("*") if path.is_file()):
-                added = self._add_file(path.relative_to(content).as_posix(), path)
-                crate.add(added)
-                if path.parent.name == TABLES:
-                    tables[path.stem] = added
-            if request.with_weights:
-                for name, path in find_weights_by_hash(self._connection).items():
-                    crate.add(self._add_file(name, path.resolve()))
-            self._add_bytes(CROISSANT, croissant(about, tables).encode(), crate)
-            for done, (number, directory) in enumerate(episodes, start=1):
-                progress("copying images", done, len(episodes))
-                if directory:
-                    copied = self._add_episode(number, directory)
-                    crate.add_folder(f"results/{directory}", f"Images of episode {number}", copied)
-            metadata = self._stage / METADATA
-            with metadata.open("wb") as target:
-                crate.write(target)
-        self._add_file(METADATA, metadata)
+        self._add_bytes(FORMAT_FILE, format_line())
+        self._add_bytes("README.md", readme(about, with_images=request.with_images).encode())
+        tables = {}
+        content = self._stage / "content"
+        for path in sorted(path for path in content.rglob("*") if path.is_file()):
+            added = self._add_file(path.relative_to(content).as_posix(), path)
+            if path.parent.name == TABLES:
+                tables[path.stem] = added
+        if request.with_weights:
+            for name, path in find_weights_by_hash(self._connection).items():
+                self._add_file(name, path.resolve())
+        self._add_bytes(CROISSANT, croissant(about, tables).encode())
+        for done, (number, directory) in enumerate(episodes, start=1):
+            progress("copying images", done, len(episodes))
+            if directory:
+                self._add_episode(number, directory)
         self._manifest.flush()
         with (self._stage / MANIFEST).open("rb") as manifest:
             stored = self._archive.add(MANIFEST, manifest, os.fstat(manifest.fileno()).st_size)
@@ -163,8 +154,8 @@ class _Bundle:
         signed = request.key is not None
         return BundleSummary(output, size, self._files, campaigns, len(episodes), stored.sha256, signed)
 
-    def _add_bytes(self, name: str, content: bytes, crate: CrateWriter) -> None:
-        crate.add(self._listed(self._archive.add(name, io.BytesIO(content), len(content))))
+    def _add_bytes(self, name: str, content: bytes) -> None:
+        self._listed(self._archive.add(name, io.BytesIO(content), len(content)))
 
     def _add_file(self, name: str, path: Path | str) -> StoredFile:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
@@ -175,15 +166,13 @@ class _Bundle:
         self._files += 1
         return added
 
-    def _add_episode(self, number: int, directory: str) -> list[StoredFile]:
+    def _add_episode(self, number: int, directory: str) -> None:
         """Copy the files of an episode as they are."""
         top = confined(self._results, directory)
         names = (path.as_posix() for path in files_below(self._results, directory))
-        copied = [
-            self._add_file(f"results/{directory}/{name}", f"{top}/{name}")
-            for name in names
-            if _EPISODE_FILE.fullmatch(name)
-        ]
+        for name in names:
+            if _EPISODE_FILE.fullmatch(name):
+                self._add_file(f"results/{directory}/{name}", f"{top}/{name}")
         # After the copy, when the files are in memory: checked before, each would be read from the disk twice.
         if faults := image_faults(top, step_digests(self._connection, number), read=False):
             raise RecordError(
@@ -191,7 +180,6 @@ class _Bundle:
                 advice="restore the file, or bundle only the numbers with --without images",
                 code="missing-images",
             )
-        return copied
 
 
 def _about(connection: Connection, given: BundleConfig) -> BundleAbout:

@@ -1,7 +1,22 @@
 """The README of a bundle: what it contains and how to check it."""
 
-from vsnbench.bundle.crate import BundleAbout
+from dataclasses import dataclass
+
 from vsnbench.report.formats.markdown import escaped
+
+
+@dataclass(frozen=True, slots=True)
+class BundleAbout:
+    """What a bundle says about itself."""
+
+    title: str
+    description: str
+    date: str
+    """Date of the newest row of the record, as YYYY-MM-DD: equal records make equal bundles."""
+    authors: tuple[str, ...]
+    licence: str
+    """SPDX identifier, URL or text; empty if the authors have not stated one."""
+    citation: str
 
 
 def readme(about: BundleAbout, *, with_images: bool) -> str:
@@ -26,8 +41,6 @@ _CONTENT = """\
 | `study/` | plan of the study, as locked or last amended |
 | `environment.json` | the commands that ran the episodes, and their packages |
 | `results/` | the record: a results directory of vsnbench |
-| `digests/` | a digest of every row, with which `vsnbench verify` names a changed cell |
-| `ro-crate-metadata.json` | every file with its size and SHA-256 (RO-Crate) |
 | `manifest-sha256.txt` | SHA-256 of every file; signatures are made of this file |
 
 ## Check it

@@ -1,31 +1,26 @@
 """ZIP archives without compression, of which every byte follows from the names and contents of their files.
 
-Python's `zipfile` keeps every entry in memory and does not check the fields of a header. Without compression the bytes
-do not depend on the version of a library, and an archive cannot expand.
+Without compression the bytes do not depend on the version of a library, and an archive cannot expand. `zipfile` checks
+few fields of the headers, so the headers of an archive that is read are made again and compared.
 """
 
 import hashlib
-import struct
-import zlib
+import io
+import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import IO, Any, BinaryIO, Self
 
 from vsnbench.errors import RecordError
 
-_LOCAL = struct.Struct("<4s5H3L2H")
-_CENTRAL = struct.Struct("<4s6H3L5H2L")
-_END = struct.Struct("<4s4H2LH")
-_END_64 = struct.Struct("<4sQ2H2L4Q")
-_LOCATOR_64 = struct.Struct("<4sLQL")
-_LOCAL_SIGNATURE, _CENTRAL_SIGNATURE = b"PK\x03\x04", b"PK\x01\x02"
-_DATE = 1 << 5 | 1
-"""1980-01-01, the earliest date of the format: the time of bundling is not part of a bundle."""
-_MADE_BY_UNIX = 3 << 8 | 45
+_EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""The earliest date of the format: the time of bundling is not part of a bundle."""
+_UNIX = 3
 _MODE = 0o100644 << 16
-_LIMIT_32 = 0xFFFFFFFF
-_LIMIT_16 = 0xFFFF
-"""Larger sizes, offsets and numbers of files need the fields of ZIP64."""
+_MADE_BY = 45
+_ENCRYPTED = 1
+_LOCAL_HEADER_BYTES = 30
 _AT_ONCE_BYTES = 2**20
 _ADVICE = "get another copy of it; if another program packed it again, unpack it and name the directory"
 
@@ -36,17 +31,22 @@ class StoredFile:
 
     name: str
     size_bytes: int
-    crc: int
     sha256: str
 
 
 class StoredZipWriter:
-    """Writes files to an archive in the order in which they are added."""
+    """Writes files to an archive in the order in which they are added; a context manager."""
 
     def __init__(self, file: BinaryIO) -> None:
         """Begin an archive in an empty file."""
         self._file = file
-        self._directory = _Directory()
+        self._archive = zipfile.ZipFile(file, "w", zipfile.ZIP_STORED)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._archive.close()  # zipfile would do it later, when the file is closed
 
     def add(self, name: str, source: BinaryIO, size_bytes: int) -> StoredFile:
         """Copy a file into the archive.
@@ -54,116 +54,82 @@ class StoredZipWriter:
         Raises:
             RecordError: the source has another size.
         """
-        offset = self._file.tell()
-        self._file.write(_local_header(name, size_bytes, 0))
-        digest, crc, copied = hashlib.sha256(), 0, 0
-        while part := source.read(_AT_ONCE_BYTES):
-            digest.update(part)
-            crc = zlib.crc32(part, crc)
-            copied += len(part)
-            self._file.write(part)
+        digest, copied = hashlib.sha256(), 0
+        with self._archive.open(_stored_info(name, size_bytes), "w") as target:
+            while part := source.read(_AT_ONCE_BYTES):
+                digest.update(part)
+                copied += len(part)
+                target.write(part)
         if copied != size_bytes:
             raise RecordError(f"{name} changed while it was copied", advice="repeat the command when no run writes")
-        end = self._file.tell()
-        self._file.seek(offset)
-        self._file.write(_local_header(name, size_bytes, crc))
-        self._file.seek(end)
-        added = StoredFile(name, size_bytes, crc, digest.hexdigest())
-        self._directory.add(added, offset)
-        return added
+        return StoredFile(name, size_bytes, digest.hexdigest())
 
     def close(self) -> int:
         """Write the directory of the archive, and return its size in bytes."""
-        entries, end = self._directory.parts(self._file.tell())
-        self._file.write(entries)
-        self._file.write(end)
-        return self._file.tell()
+        self._archive.close()
+        return self._file.seek(0, io.SEEK_END)
 
 
 class StoredZipReader:
     """Reads the files of an archive in order; nothing of it is trusted."""
 
     def __init__(self, file: BinaryIO, size_bytes: int) -> None:
-        """Begin to read an archive at its beginning."""
+        """Read the directory of an archive.
+
+        Raises:
+            RecordError: the archive is truncated, damaged, compressed or encrypted.
+        """
         self._file = file
         self._size_bytes = size_bytes
-        self._directory = _Directory()
         self.altered: list[str] = []
         """Names of files whose header differs from what `StoredZipWriter` writes."""
         self.directory_altered = False
         """Whether the directory differs from what `StoredZipWriter` writes; known after the last file."""
-
-    def first_name(self) -> str:
-        """Return the name of the first file without reading on; empty if there is none."""
-        begin = self._file.tell()
-        header = self._file.read(_LOCAL.size)
-        name = b""
-        if len(header) == _LOCAL.size and header[:4] == _LOCAL_SIGNATURE:
-            name = self._file.read(_LOCAL.unpack(header)[9])
-        self._file.seek(begin)
-        return name.decode("ascii", "backslashreplace")
+        if not zipfile.is_zipfile(file):
+            raise _damaged("its end is missing", "truncated-bundle")
+        try:
+            self._infos = zipfile.ZipFile(file).infolist()
+        except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
+            raise _damaged(f"its directory is damaged ({error})", "damaged-bundle") from error
+        self.names = [info.filename for info in self._infos]
+        for info in self._infos:
+            if info.flag_bits & _ENCRYPTED:
+                raise _damaged(f"its file {info.filename!r} is encrypted", "unsafe-bundle")
+            if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size:
+                raise _damaged(f"its file {info.filename!r} is compressed, which vsnbench never does", "unsafe-bundle")
+        if sum(info.file_size for info in self._infos) > size_bytes:
+            raise _damaged("its files are larger than itself", "truncated-bundle")
 
     def files(self) -> Iterator["StoredZipEntry"]:
         """Yield the files; the content of each must be read before the next.
 
         Raises:
-            RecordError: the archive is truncated, damaged, compressed or encrypted.
+            RecordError: the archive ends before a file.
         """
-        last = "its beginning"
-        while True:
-            offset = self._file.tell()
-            header = self._file.read(_LOCAL.size)
-            if header[:4] == _CENTRAL_SIGNATURE:
-                break
-            if len(header) < _LOCAL.size:
-                raise _damaged(f"it is truncated after {last}", "truncated-bundle")
-            if header[:4] != _LOCAL_SIGNATURE:
-                raise _damaged(f"it is damaged after {last}", "damaged-bundle")
-            entry = self._entry(header)
-            yield entry
-            last = entry.name
-            stored = entry.finish()
-            if entry.header != _local_header(stored.name, stored.size_bytes, stored.crc):
-                self.altered.append(stored.name)
-            self._directory.add(stored, offset)
-        self._file.seek(offset)
-        parts = self._directory.parts(offset)
-        self.directory_altered = self._size_bytes != offset + sum(map(len, parts))
-        for expected in parts:
-            found = self._file.read(len(expected))
-            if len(found) < len(expected) and expected.startswith(found):
-                raise _damaged(f"it is truncated after {last}", "truncated-bundle")
-            self.directory_altered |= found != expected
-
-    def _entry(self, header: bytes) -> "StoredZipEntry":
-        _, _, flags, method, _, _, _, size, full_size, name_length, extra_length = _LOCAL.unpack(header)
-        rest = self._file.read(name_length + extra_length)
-        name = rest[:name_length].decode("ascii", "backslashreplace")
-        if flags & 1:
-            raise _damaged(f"its file {name!r} is encrypted", "unsafe-bundle")
-        if method or flags & 8:
-            raise _damaged(f"its file {name!r} is compressed, which vsnbench never does", "unsafe-bundle")
-        extra = rest[name_length:]
-        if size == _LIMIT_32 and len(extra) == 20:
-            _, _, full_size, size = struct.unpack("<2H2Q", extra)
-        if size != full_size:
-            raise _damaged(f"its file {name!r} has two sizes", "damaged-bundle")
-        if len(rest) < name_length + extra_length or self._file.tell() + size > self._size_bytes:
-            raise _damaged(f"it is truncated in {name!r}", "truncated-bundle")
-        return StoredZipEntry(self._file, name, size, header + rest)
+        headers = _Headers(self._file)
+        with zipfile.ZipFile(headers, "w", zipfile.ZIP_STORED) as again:
+            for info in self._infos:
+                with again.open(_stored_info(info.filename, info.file_size), "w") as target:
+                    self._file.seek(headers.tell())
+                    with headers.without_content():
+                        entry = StoredZipEntry(self._file, info.filename, info.file_size, target)
+                        yield entry
+                        entry.finish()
+                if not headers.are_equal():
+                    self.altered.append(info.filename)
+        self.directory_altered = not headers.are_equal() or headers.tell() != self._size_bytes
 
 
 class StoredZipEntry:
     """A file of an archive that is read."""
 
-    def __init__(self, file: BinaryIO, name: str, size_bytes: int, header: bytes) -> None:
+    def __init__(self, file: BinaryIO, name: str, size_bytes: int, copy: IO[bytes]) -> None:
         self._file = file
         self._left = size_bytes
+        self._copy = copy
         self._digest = hashlib.sha256()
-        self._crc = 0
         self.name = name
         self.size_bytes = size_bytes
-        self.header = header
 
     def parts(self) -> Iterator[bytes]:
         """Yield the content that is left.
@@ -177,55 +143,83 @@ class StoredZipEntry:
                 raise _damaged(f"it is truncated in {self.name!r}", "truncated-bundle")
             self._left -= len(part)
             self._digest.update(part)
-            self._crc = zlib.crc32(part, self._crc)
+            self._copy.write(part)
             yield part
 
     def finish(self) -> StoredFile:
         """Read what is left, and return the file's hash."""
         for _ in self.parts():
             pass
-        return StoredFile(self.name, self.size_bytes, self._crc, self._digest.hexdigest())
+        return StoredFile(self.name, self.size_bytes, self._digest.hexdigest())
 
 
-class _Directory:
-    """The directory at the end of an archive."""
+class _Headers(io.RawIOBase):
+    """Takes an archive that is written, and compares all but the contents of its files with another archive."""
 
-    def __init__(self) -> None:
-        self._entries = bytearray()
-        self._count = 0
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._position = 0
+        self._in_content = False
+        self._pieces: dict[int, bytearray] = {}
+        """Position -> bytes that were written there since the last comparison."""
+        self._newest = 0
 
-    def add(self, stored: StoredFile, offset: int) -> None:
-        name = stored.name.encode("ascii", "backslashreplace")
-        large = struct.pack("<2Q", stored.size_bytes, stored.size_bytes) if stored.size_bytes >= _LIMIT_32 else b""
-        large += struct.pack("<Q", offset) if offset >= _LIMIT_32 else b""
-        extra = struct.pack("<2H", 1, len(large)) + large if large else b""
-        size = min(stored.size_bytes, _LIMIT_32)
-        self._entries += _CENTRAL.pack(
-            *(_CENTRAL_SIGNATURE, _MADE_BY_UNIX, 45 if large else 20, 0, 0, 0, _DATE, stored.crc, size, size),
-            *(len(name), len(extra), 0, 0, 0, _MODE, min(offset, _LIMIT_32)),
-        )
-        self._entries += name + extra
-        self._count += 1
+    def seekable(self) -> bool:
+        return True
 
-    def parts(self, offset: int) -> tuple[bytearray, bytes]:
-        """Return the directory and its end, for an archive in which it begins at `offset`."""
-        size, count = len(self._entries), self._count
-        end = b""
-        if count >= _LIMIT_16 or size >= _LIMIT_32 or offset >= _LIMIT_32:
-            end = _END_64.pack(b"PK\x06\x06", 44, _MADE_BY_UNIX, 45, 0, 0, count, count, size, offset)
-            end += _LOCATOR_64.pack(b"PK\x06\x07", 0, offset + size, 1)
-        few = min(count, _LIMIT_16)
-        end += _END.pack(b"PK\x05\x06", 0, 0, few, few, min(size, _LIMIT_32), min(offset, _LIMIT_32), 0)
-        return self._entries, end
+    def writable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._position
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:  # noqa: ARG002 - zipfile seeks from the beginning
+        self._position = offset
+        return offset
+
+    def write(self, content: Any) -> int:
+        if not self._in_content:
+            if self._newest in self._pieces and self._newest + len(self._pieces[self._newest]) == self._position:
+                self._pieces[self._newest] += content
+            else:
+                self._newest = self._position
+                self._pieces[self._position] = bytearray(content)
+        self._position += len(content)
+        return len(content)
+
+    @contextmanager
+    def without_content(self) -> Iterator[None]:
+        """Leave what is written in the block out of the comparison."""
+        self._in_content = True
+        try:
+            yield
+        finally:
+            self._in_content = False
+
+    def are_equal(self) -> bool:
+        """Return whether the other archive has the same bytes as those written since the last call."""
+        pieces, self._pieces = self._pieces, {}
+        for position, expected in pieces.items():
+            self._file.seek(position)
+            if self._file.read(len(expected)) != expected:
+                return False
+        return True
 
 
-def _local_header(name: str, size_bytes: int, crc: int) -> bytes:
-    encoded = name.encode("ascii", "backslashreplace")
-    extra = struct.pack("<2H2Q", 1, 16, size_bytes, size_bytes) if size_bytes >= _LIMIT_32 else b""
-    size = min(size_bytes, _LIMIT_32)
-    needs = 45 if extra else 20
-    fields = (_LOCAL_SIGNATURE, needs, 0, 0, 0, _DATE, crc, size, size, len(encoded), len(extra))
-    return _LOCAL.pack(*fields) + encoded + extra
+def _stored_info(name: str, size_bytes: int) -> zipfile.ZipInfo:
+    """Return the header of a file that is not compressed."""
+    info = zipfile.ZipInfo(name, _EARLIEST)
+    info.file_size, info.create_system, info.create_version, info.external_attr = size_bytes, _UNIX, _MADE_BY, _MODE
+    return info
+
+
+def first_file(file: BinaryIO, longest_bytes: int) -> tuple[str, bytes]:
+    """Return the name of the first file, and the bytes that follow it; both empty if there is none."""
+    header = file.read(_LOCAL_HEADER_BYTES)
+    if len(header) < _LOCAL_HEADER_BYTES or header[:4] != b"PK\x03\x04":
+        return "", b""
+    name = file.read(int.from_bytes(header[26:28], "little"))
+    return name.decode("ascii", "backslashreplace"), file.read(longest_bytes)
 
 
 def _damaged(what: str, code: str) -> RecordError:

@@ -7,7 +7,6 @@ import logging
 import os
 import platform
 import sys
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -19,7 +18,6 @@ from vsnbench import __version__
 from vsnbench.cli.support.completion import add_completion
 from vsnbench.cli.support.output import WITHOUT_RESULT, LogFile, Verbose, join_long_lines, with_output_options
 from vsnbench.cli.support.parser_errors import RootGroup
-from vsnbench.cli.support.renamed import refuse_renamed
 from vsnbench.cli.support.words import mark_missing_values, refuse_empty_directories, refuse_repeated
 from vsnbench.config import ConfigDefault, apply_config_defaults
 from vsnbench.errors import VsnbenchError
@@ -188,9 +186,6 @@ def _run(loaded: Callable[[], object]) -> None:
 def _run_command(loaded: Callable[[], object]) -> None:
     completing = _COMPLETING in os.environ
     name = _verb()
-    warnings.filterwarnings("default", ".*vsnbench", DeprecationWarning)
-    if not completing:
-        refuse_renamed(sys.argv[1 if name is None else sys.argv.index(name) :])
     applied = [] if name == "config" or completing else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)

@@ -16,7 +16,7 @@ from vsnbench.files.atomic import atomic_file
 from vsnbench.results.files.images import StampedPose, tum_line
 from vsnbench.results.goals import goal_text
 from vsnbench.results.reading.blinding import CODE, MODEL_NAME
-from vsnbench.results.reading.read_model import COUNTS, DISTANCE_M, END_REASON, SUCCESS, episodes_of_campaigns
+from vsnbench.results.reading.read_model import COUNTS, END_REASON, SUCCESS, episodes_of_campaigns
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.row_encoding import pose_of_columns
 from vsnbench.results.schema.tables import Campaign, Episode, Goal, Model, Robot, Site, Trial
@@ -47,16 +47,9 @@ class ExportedEpisode:
     """None if the episode is void or awaits a verdict."""
     counts: bool
     """The episode counts for its trial."""
-    actions: int
     started_at: datetime
-    distance_to_goal_m: float | None
-    path_length_m: float | None
-    geodesic_start_m: float | None
-    geodesic_end_m: float | None
     start_pose: Pose | None
     images_directory: str
-    condition: Mapping[str, Any]
-    """Model with weights and settings, robot, site, protocol, conditions; only equal conditions are pooled."""
     camera: Camera | None = None
     """None if the robot's profile is unknown."""
     goal_kind: GoalKind = GoalKind.CATEGORY
@@ -90,7 +83,7 @@ def read_episodes(
     query = (
         episodes_of_campaigns(
             *(Episode, Trial, Campaign, Model, Robot, Site, SUCCESS.label("success")),
-            *(END_REASON.label("end_reason"), DISTANCE_M.label("distance_m"), CODE.label("code")),
+            *(END_REASON.label("end_reason"), CODE.label("code")),
             (COUNTS & (Episode.state == EpisodeState.JUDGED.value)).label("counts"),
             *(Goal.kind.label("goal_kind"), Goal.content.label("goal_content")),
         )
@@ -128,30 +121,12 @@ def _exported(row: Any) -> ExportedEpisode:
         end_reason=row.end_reason,
         success=row.success,
         counts=bool(row.counts),
-        actions=episode.actions,
         started_at=episode.started_at,
-        distance_to_goal_m=row.distance_m,
-        path_length_m=episode.path_length_m,
-        geodesic_start_m=episode.geodesic_start_m,
-        geodesic_end_m=episode.geodesic_end_m,
         start_pose=pose_of_columns(episode.start_x_m, episode.start_y_m, episode.start_heading_rad),
         images_directory=episode.images_directory,
         camera=_camera(robot.profile),
         goal_kind=GoalKind(row.goal_kind or GoalKind.CATEGORY),
         goal_text=goal_text(row.goal_content or {}),
-        condition={
-            "model": code or model.name,
-            "weights": "" if code else model.weights_label,
-            "weights_sha256": "" if code else model.weights_sha256,
-            "settings": {} if code else model.settings,
-            "robot": robot.name,
-            "robot_sha256": robot.sha256,
-            "environment": "simulated" if robot.simulated else "real",
-            "site": site.name,
-            "site_sha256": site.sha256,
-            "protocol": row.Campaign.protocol,
-            "conditions": row.Campaign.conditions,
-        },
     )
 
 

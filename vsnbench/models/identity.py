@@ -13,7 +13,6 @@ from typing import Any
 from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.contract import Policy
-from vsnbench.models.duck_typed import DuckTypedPolicy
 from vsnbench.models.names import is_third_party
 from vsnbench.plugins import file_of_module, package_version, source_sha256
 from vsnbench.runtime.git import checkout_of
@@ -52,7 +51,7 @@ def code_of(policy: Policy) -> dict[str, str]:
         `class`; `sha256` of its source; if known, `version` of its installed package and the git `commit` of its source
         (with `+changes` if it was modified).
     """
-    kind = type(policy.model if isinstance(policy, DuckTypedPolicy) else policy)
+    kind = type(policy)
     if kind.__module__.partition(".")[0] == "vsnbench":
         return dict(policy.card.code)
     found = {"class": f"{kind.__module__}:{kind.__qualname__}", "sha256": source_sha256(kind)}

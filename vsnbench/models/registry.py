@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.duck_typed import DuckTypedPolicy
 from vsnbench.models.names import class_of, is_address, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.trained_camera import TrainedCamera
@@ -64,8 +63,6 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
         ) from error
     try:
         policy = factory(**options)
-        if not isinstance(policy, Policy) and DuckTypedPolicy.fits(policy):
-            policy = DuckTypedPolicy(policy)
     except (VsnbenchError, KeyboardInterrupt):
         raise
     except BaseException as error:
@@ -78,7 +75,7 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
             advice="write `class MyModel(vsnbench.Policy)` with `card` (a vsnbench.ModelCard), `reset` and `act`",
             code="not-a-policy",
         )
-    if type(policy).survey is not Policy.survey and not policy.needs_survey and not isinstance(policy, DuckTypedPolicy):
+    if type(policy).survey is not Policy.survey and not policy.needs_survey:
         raise ModelError(
             f"model {name}: {where} implements `survey` but does not ask for it",
             advice="set `needs_survey = True`",

@@ -7,8 +7,7 @@ counted = episodes.query("state == 'counted'")
 counted.groupby(["model", "goal"])["success"].agg(["sum", "count", "mean"])
 """
 
-import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING
 from sqlalchemy import select
 
 from vsnbench.errors import UsageError
-from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import record_errors
@@ -66,7 +64,12 @@ class Results:
         Raises:
             RecordError: the database cannot be read.
         """
-        return _episodes(self._url, None)
+        with open_record(self._url) as engine:
+            record = read_report_data(engine)
+        frame = record.episodes.copy()
+        for name in _OF_EPISODES:
+            frame[name] = frame["condition"].map({item.number: getattr(item, name) for item in record.conditions})
+        return frame
 
     def campaigns(self) -> "pd.DataFrame":
         """Return one row per campaign. The columns are those of `CAMPAIGN_COLUMNS`.
@@ -134,29 +137,3 @@ def open_results(results: str | Path) -> Results:
         RecordError: the results do not exist or cannot be read.
     """
     return Results(str(results) if "://" in str(results) else sqlite_url(Path(results) / "vsnbench.db"))
-
-
-def episodes(record: str | Path, selection: Selection | None = None) -> "pd.DataFrame":
-    """Return `open_results(record).episodes()`. Deprecated."""
-    _warn("episodes()")
-    return _episodes(open_results(record)._url, selection)  # noqa: SLF001 - the same module
-
-
-def steps(record: str | Path, numbers: Sequence[int]) -> "pd.DataFrame":
-    """Return `open_results(record).steps(*numbers)`. Deprecated."""
-    _warn("steps(1, 2)")
-    return open_results(record).steps(numbers)
-
-
-def _warn(call: str) -> None:
-    message = f"write `vsnbench.open_results('results').{call}`; vsnbench.report.frames is not public any more"
-    warnings.warn(message, DeprecationWarning, stacklevel=3)
-
-
-def _episodes(url: str, selection: Selection | None) -> "pd.DataFrame":
-    with open_record(url) as engine:
-        record = read_report_data(engine, selection)
-    frame = record.episodes.copy()
-    for name in _OF_EPISODES:
-        frame[name] = frame["condition"].map({item.number: getattr(item, name) for item in record.conditions})
-    return frame

@@ -31,15 +31,6 @@ ENTRY_POINT_GROUP = "vsnbench.robots"
 _SIMULATED = "simulated"
 _DEFAULT_PROFILE = "turtlebot2"
 _SMALLEST_PX, _LARGEST_PX = 16, 4096
-_RENAMED = {
-    "needs_a_person": "needs_operator",
-    "is_carried_in_play": "is_rehearsal",
-    "carry": "simulate_placement",
-    "stands_at": "set_start_pose",
-    "make_ready": "wait_until_ready",
-    "glimpse": "preview (and has_preview = True)",
-}
-"""Members of robots in version 0.1. With them ignored, a robot would drive without its operator."""
 
 
 def known_robots() -> list[str]:
@@ -183,12 +174,6 @@ def _plug_in_robot(name: str, site: Site | None, parameters: ProtocolParameters)
             f"robot {name}: {where} is not a robot",
             advice="write `class MyRobot(vsnbench.Robot)`: see docs/robots.md",
             code="not-a-robot",
-        )
-    if renamed := [f"{old} is now {new}" for old, new in _RENAMED.items() if hasattr(robot, old)]:
-        raise RobotError(
-            f"robot {name}: {where} has members of an earlier version",
-            advice=", ".join(renamed),
-            code="outdated-robot",
         )
     _check_kind(name, where, robot)
     return robot

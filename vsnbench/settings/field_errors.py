@@ -117,13 +117,7 @@ def _wrong_length(detail: ErrorDetails) -> FieldError:
 
 def _too_many(given: list[Any], max_length: int) -> FieldError:
     statement = f"expected {max_length} values, got {len(given)}"
-    decimal_comma = "is this a decimal comma? Write 1.5, not 1,5"
-    if len(given) == 2 * max_length and all(isinstance(item, int) for item in given):
-        read = ", ".join(f"{whole}.{part}" for whole, part in zip(given[::2], given[1::2], strict=True))
-        return FieldError(statement, f"{decimal_comma}: [{read}]")
-    if (len(given), max_length) == (3, 2):
-        return FieldError(statement, f"{decimal_comma}. Or is it a height after x and y? Omit it")
-    return FieldError(statement, decimal_comma if len(given) <= 2 * max_length else "")
+    return FieldError(statement, "is this a decimal comma? Write 1.5, not 1,5" if len(given) <= 2 * max_length else "")
 
 
 def _not_a_list(given: Any, wanted: list[Any]) -> FieldError:

@@ -17,12 +17,6 @@ class FieldError(NamedTuple):
 
 
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+")
-_WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*(mm|cm|m|°|deg|degrees|rad|%)")
-_FACTORS = {"mm": 1e-3, "cm": 1e-2, "rad": 57.29578, "%": 1e-2}
-_EITHER_UNIT = 300
-"""From here on a length may be in centimetres or in millimetres: 3 m and 30 cm are both unusual sizes."""
-_DIRECTIONS = {"right": 0, "east": 0, "up": 90, "north": 90, "left": 180, "west": 180, "down": -90, "south": -90}
-_DIRECTIONS |= {"northeast": 45, "northwest": 135, "southwest": -135, "southeast": -45}
 
 _COORDINATES = ("position", "polygon", "footprint", "start", "end")
 """Fields of coordinates: metres, although their names have no unit."""
@@ -59,9 +53,7 @@ def describe_number_error(detail: ErrorDetails) -> FieldError | None:
     limit = float(detail["ctx"][bound])
     symbol = _unit_of(field)[0]
     statement = f"must be {relation} {limit:g}{symbol}, got {given:g}{symbol}"
-    if kind in _LOWER_BOUNDS:
-        return FieldError(statement, f"without the minus sign it is {-given:g}" if given < 0 and -given > limit else "")
-    return FieldError(statement, _other_unit(field, float(given), limit) if given != limit else "")
+    return FieldError(statement, _other_unit(field, float(given), limit) if kind in _UPPER_BOUNDS else "")
 
 
 def as_written(given: Any) -> str:
@@ -92,35 +84,16 @@ def _not_a_number(kind: str, given: Any, field: str) -> FieldError:
     text = given.strip() if isinstance(given, str) else ""
     if _WITH_COMMA.fullmatch(text):
         return FieldError(statement, f"write {text.replace(',', '.')}, with a point")
-    if measured := _WITH_UNIT.fullmatch(text):
-        plain = float(measured[1].replace(",", ".")) * _FACTORS.get(measured[2], 1.0)
-        return FieldError(statement, f"write it without the unit: {plain:g}")
-    heading_deg = _DIRECTIONS.get(re.sub(r"[\s_-]", "", text.lower()))
-    if field.endswith("_deg") and heading_deg is not None:
-        advice = f"headings are degrees counter-clockwise from x, so right is 0 and up 90: write {heading_deg}"
-        return FieldError(statement, advice)
     unit = _unit_of(field)[1]
     return FieldError(statement, f"write it in {unit}" if unit else "")
 
 
 def _other_unit(field: str, given: float, limit: float) -> str:
-    """Return advice about the likely unit of a number above its limit; empty if no unit is likely."""
-    symbol, name = _unit_of(field)
-    if symbol.startswith(" m"):
-        return _shorter_unit(given, limit, name)
-    if name == "radians per second" and math.radians(given) <= limit:
-        return f"this looks like degrees per second; in radians it is {math.radians(given):.3g}"
-    if not name and limit <= 1 <= given and given / 100 <= limit:
-        return f"this looks like percent: write {given:g} % as {given / 100:g}"
-    return ""
-
-
-def _shorter_unit(given: float, limit: float, name: str) -> str:
-    centimetres, millimetres = given / 100, given / 1000
-    if given < 1:
+    """Return the largest unit in which a length above its limit is possible; empty for other numbers."""
+    name = _unit_of(field)[1]
+    if given < 1 or not name.startswith("metres"):
         return ""
-    if centimetres <= limit and given < _EITHER_UNIT:
-        return f"this looks like centimetres; in {name} it is {centimetres:g}"
-    if centimetres <= limit:
-        return f"this looks like centimetres or millimetres; in {name} it is {centimetres:g} or {millimetres:g}"
-    return f"this looks like millimetres; in {name} it is {millimetres:g}" if millimetres <= limit else ""
+    units = (("centimetres", 100), ("millimetres", 1000))
+    return next(
+        (f"this looks like {unit}; in {name} it is {given / n:g}" for unit, n in units if given / n <= limit), ""
+    )

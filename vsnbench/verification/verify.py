@@ -10,7 +10,6 @@ from pathlib import Path
 from vsnbench import __version__
 from vsnbench.bundle.archive import FORMAT_FILE, OpenBundle, open_bundle
 from vsnbench.bundle.derived_files import STUDY_FILE
-from vsnbench.bundle.row_digests import ROW_DIGESTS, changed_rows
 from vsnbench.bundle.signatures import check_signatures
 from vsnbench.errors import RecordError, VsnbenchError
 from vsnbench.files.temporary import ScratchDirectory
@@ -58,7 +57,7 @@ def verify(path: Path, progress: Progress, options: VerifyOptions | None = None)
         progress("comparing hashes", 0, 1)
         bundle = open_bundle(path, scratch.path / "bundle")
         progress("comparing hashes", 1, 1)
-        archive_checks = [*_hash_checks(bundle), *_signature_checks(bundle, options.signers)]
+        archive_checks = [_hash_check(bundle), *_signature_checks(bundle, options.signers)]
         opening = Check("record", "databases")
         with opening.failing(f"results/{DATABASE_NAME}"):
             record = stack.enter_context(open_copy(bundle.results, scratch.path))
@@ -98,22 +97,13 @@ def _against(record: VerifiedRecord, path: Path | None, scratch: Path, progress:
         return [check_against(record, other, str(path), progress)]
 
 
-def _hash_checks(bundle: OpenBundle) -> list[Check]:
-    """Compare every file with the manifest, and every row with its digest."""
+def _hash_check(bundle: OpenBundle) -> Check:
+    """Compare every file with the manifest."""
     files = Check("hashes", "files", checked=len(bundle.files))
     for problem in bundle.problems:
         files.findings.append(finding(problem.path or "the end of the archive", str(problem.mismatch)))
         files.failed += 1
-    rows, digests = Check("row hashes", "rows"), bundle.directory / ROW_DIGESTS
-    if not digests.is_file():
-        rows.skip(f"the bundle has no {ROW_DIGESTS}")
-        return [files, rows]
-    with rows.failing(f"results/{DATABASE_NAME}"):
-        changed = list(changed_rows(digests, bundle.results / DATABASE_NAME))
-        rows.findings += [finding(difference.where, difference.text) for difference in changed]
-        with digests.open(encoding="utf-8") as lines:
-            rows.checked, rows.failed = sum(line.startswith("[") for line in lines), len(changed)
-    return [files, rows]
+    return files
 
 
 def _signature_checks(bundle: OpenBundle, signers: Path | None) -> list[Check]:

@@ -1,4 +1,4 @@
-"""`vsnbench models fetch` by name: the COCO detector from a package, and files from a local server."""
+"""`vsnbench models fetch` by name, from a local server."""
 
 import functools
 import hashlib
@@ -13,11 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import vsnbench
-from tests.models.vlv.small_centernet import Network, pack
 from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
-from vsnbench.models.vlv.detectors.centernet import package
-from vsnbench.models.vlv.policy import VLV
-from vsnbench.values.observation import Sensor
 
 CONTENT = b"weights" * 1000
 CHECKPOINT = Path(__file__).parents[2] / "data" / "pirlnav" / "ckpt.pth"
@@ -45,28 +41,6 @@ def url(tmp_path: Path) -> Iterator[str]:
         yield f"http://127.0.0.1:{server.server_port}/file.pth"
         server.shutdown()
         thread.join()
-
-
-def test_the_detector_is_converted_stored_and_used_by_both_models(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path
-) -> None:
-    files = Network().files()
-    hashes = {name: hashlib.sha256(files[name]).hexdigest() for name in list(files)[:2]}
-    monkeypatch.setattr(package, "_SHA256", hashes)
-    source = str(pack(tmp_path / "human.tgz", files))
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector", "--from", source)
-    assert (answer.code, answer.out) == (0, f"{weights / 'vlv_detector.onnx'}\n")
-    assert "licence: MIT for the package" in answer.err
-    again = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector", "--from", source, "--json")
-    report = json.loads(again.out)
-    assert report["fetched"] is False
-    assert report["sha256"] == hashlib.sha256((weights / "vlv_detector.onnx").read_bytes()).hexdigest()
-    card = VLV().card
-    assert card.weights_label == "no value network; CenterNet MobileNetV3, COCO (vlv_detector.onnx)"
-    assert card.settings["detector_sha256"] == report["sha256"]
-    assert Sensor.INSTANCES not in card.sensors  # real robots have all others
-    shown = vsnbench(monkeypatch, capsys, "models", "show", "frontier", "--json")
-    assert json.loads(shown.out)["goals"] == ["chair", "sofa", "table", "bed", "toilet"]
 
 
 def test_a_published_file_is_downloaded_by_name_from_its_address(
@@ -155,9 +129,6 @@ def test_a_dead_link_names_the_page_of_the_authors_and_where_to_put_the_file(
     [
         (("vlv", "http://127.0.0.1:9/x", "--sha256", "12"), 2, "is not a SHA-256"),
         (("pirlnav",), 2, "no address is published for pirlnav"),
-        (("mask-rcnn", "--from", "x.tgz"), 2, "--from is for coco-detector"),
-        (("coco-detector", "http://127.0.0.1:9/x"), 2, "name a package with --from"),
-        (("coco-detector", "--from", "/nowhere.tgz"), 2, "/nowhere.tgz"),
     ],
 )
 def test_what_does_not_fit_is_one_line(
@@ -166,14 +137,4 @@ def test_what_does_not_fit_is_one_line(
     answer = vsnbench(monkeypatch, capsys, "models", "fetch", *words)
     assert (answer.code, answer.out) == (code, "")
     assert part in answer.err
-    assert len(answer.err.strip().splitlines()) == 1
-
-
-def test_without_npm_the_command_fails_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "coco-detector")
-    assert answer.code == 1
-    assert "npm is not installed" in answer.err
     assert len(answer.err.strip().splitlines()) == 1

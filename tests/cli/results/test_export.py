@@ -24,7 +24,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("csv", "two.csv", ["two.csv"]),
         ("episodes", "two.csv", ["two.csv"]),
         ("video", "two.mp4", ["two.mp4"]),
-        ("habitat", "", ["aggregated_results.json", "episode_results.json"]),
     ],
 )
 def test_the_number_comes_before_the_output(
@@ -38,7 +37,7 @@ def test_the_number_comes_before_the_output(
         assert [row.split(",")[0] for row in rows] == ["2"]
 
 
-@pytest.mark.parametrize("form", ["tum", "mcap", "csv", "episodes", "habitat", "lerobot"])
+@pytest.mark.parametrize("form", ["tum", "mcap", "csv", "episodes", "lerobot"])
 @pytest.mark.parametrize("words", [["{}/1"], ["1"], ["0", "-o", "{}/out"]])
 def test_a_path_in_the_place_of_a_number_is_refused_and_nothing_is_written(
     results: Path, tmp_path: Path, form: str, words: list[str]
@@ -57,7 +56,6 @@ def test_a_path_in_the_place_of_a_number_is_refused_and_nothing_is_written(
         ("bag", "e.mcap"),
         ("video", "e.avi"),
         *((form, f"e.{form}") for form in ("tum", "mcap")),
-        ("habitat", "e.json"),
         ("lerobot", "e.parquet"),
     ],
 )

@@ -150,15 +150,3 @@ def test_what_does_not_exist_is_said_in_a_line(lab: Lab, tmp_path: Path) -> None
     assert isinstance(vsnbench("report", "--format", "pdf").exception, UsageError)
     assert isinstance(vsnbench("compare", "vlv", "unknown", "--results", lab.directory).exception, UsageError)
     assert isinstance(vsnbench("export", "tum", 99, "-o", tmp_path, "--results", lab.directory).exception, UsageError)
-
-
-def test_what_is_exported_can_be_imported(lab: Lab, tmp_path: Path) -> None:
-    assert (
-        vsnbench("export", "habitat", "-o", tmp_path / "h", "--model", "vlv", "--results", lab.directory).exit_code == 0
-    )
-    file, other = tmp_path / "h" / "episode_results.json", tmp_path / "other"
-    under = ("--max-steps", 500, "--success-distance", 1)
-    outcome = vsnbench("import", "habitat", file, "--model", "vlv", "--site", "hm3d", *under, "--results", other)
-    assert outcome.exit_code == 0, outcome.exception
-    (model,) = json.loads(vsnbench("report", "--results", other, "--format", "json").stdout)["models"]
-    assert (model["total"]["successes"], model["total"]["episodes"], model["environment"]) == (8, 15, "simulated")

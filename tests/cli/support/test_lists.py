@@ -38,8 +38,6 @@ def test_sites_are_names_and_generated_flats_in_any_order() -> None:
         ("apartment,flat:", "invalid-numbers"),
         ("flat:5-2", "invalid-numbers"),
         ("flat:0-99999999999", "invalid-numbers"),
-        ("twin:7", "renamed-spelling"),
-        ("twins:0-9", "renamed-spelling"),
     ],
 )
 def test_an_invalid_list_of_sites_is_refused(value: str, code: str) -> None:

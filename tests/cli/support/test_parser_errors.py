@@ -35,7 +35,7 @@ RUN = ("run", "--model", "oracle", "--goal", "chair")
         (("reprot",), ("'reprot'", "'report'", "`vsnbench -h`")),
         (("report", "--results", ""), ("--results is empty",)),
         (("report", "--output="), ("--output is empty",)),
-        (("-v", "run", "--seeds", "0-9"), ("--seeds", "use --seed")),
+        (("-v", "run", "--seeds", "0-9"), ("--seeds", "--seed")),
         (("-x",), ("-x", "`vsnbench -h`")),
         (("judge", "1", "--void", "--quiet"), ("--void", "'--quiet'")),
         (("--\x1b[2Jx",), (r"--\x1b[2Jx",)),

@@ -23,8 +23,6 @@ from vsnbench.values.pose import Pose
 
 ROOT = Path(__file__).resolve().parents[3]
 STUB = Path(vsnbench_policy.__file__)
-STUB_OF_VERSION_1 = ROOT / "tests" / "data" / "wire" / "vsnbench_policy_1.txt"
-"""The stub of protocol version 1."""
 PATIENCE_S = 120.0
 CARD = {"name": "scripted", "goals": None, "sensors": ["rgb"], "settings": {}, "deterministic": True}
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.5)

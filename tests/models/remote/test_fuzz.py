@@ -34,7 +34,7 @@ class Model:
 IMAGE = {"encoding": "raw", "height": 2, "width": 2, "data": bytes(12)}
 DEPTH = {"encoding": "f32", "height": 2, "width": 2, "data": bytes(16)}
 ACT = {"type": "act", "seq": 3, "stamp_s": 1.0, "camera": {}, "rgb": IMAGE, "depth": DEPTH, "pose": [0.0, 0.0, 0.0]}
-QUESTIONS = [ACT, {"type": "reset", "seq": 1, "goal": "chair", "seed": 1}, {"type": "hello", "wire": 1, "token": ""}]
+QUESTIONS = [ACT, {"type": "reset", "seq": 1, "goal": "chair", "seed": 1}, {"type": "hello", "wire": 2, "token": ""}]
 DECISION = {
     "type": "decision",
     "seq": 2,
@@ -82,7 +82,7 @@ def test_a_server_survives_every_frame(tmp_path: Path) -> None:
             with connect(url, compression=None, max_size=None, legacy=True, proxy=None) as client:
                 try:
                     if draw.random() < 0.8:
-                        client.send(pack({"type": "hello", "wire": 1, "token": ""}))
+                        client.send(pack({"type": "hello", "wire": 2, "token": ""}))
                         client.recv(timeout=10)
                     for _ in range(20):
                         client.send(mutated(draw.choice(QUESTIONS), draw))
@@ -109,7 +109,7 @@ def test_a_client_survives_every_frame() -> None:
 
     def greeted() -> bytes:
         card = {**CARD, "settings": {"a": 1}}
-        return mutated({"type": "card", "wire": 1, "card": card, "jpeg": False}, draw)
+        return mutated({"type": "card", "wire": 2, "card": card, "jpeg": False}, draw)
 
     refused = taken = 0
     while refused + taken < FRAMES:

@@ -377,14 +377,15 @@ def test_an_answer_of_a_gigabyte_is_cut_off_early() -> None:
     ("greeting", "code"),
     [
         ({"type": "card", "wire": 99, "card": CARD}, "wrong-protocol-version"),
-        ({"type": "card", "wire": 1, "card": {**CARD, "name": ""}}, "invalid-card"),
-        ({"type": "card", "wire": 1, "card": {**CARD, "sensors": ["instances"]}}, "invalid-card"),
-        ({"type": "card", "wire": 1, "card": {**CARD, "goals": [1]}}, "invalid-card"),
+        ({"type": "card", "wire": 1, "card": CARD}, "wrong-protocol-version"),
+        ({"type": "card", "wire": 2, "card": {**CARD, "name": ""}}, "invalid-card"),
+        ({"type": "card", "wire": 2, "card": {**CARD, "sensors": ["instances"]}}, "invalid-card"),
+        ({"type": "card", "wire": 2, "card": {**CARD, "goals": [1]}}, "invalid-card"),
         ({"type": "card", "wire": 2, "card": {**CARD, "action_kinds": ["fly"]}}, "invalid-card"),
         ({"type": "card", "wire": 2, "card": {**CARD, "goal_kinds": []}}, "invalid-card"),
-        ({"type": "card", "wire": 1, "card": {**CARD, "runs_on": [1]}}, "invalid-card"),
-        ({"type": "card", "wire": 1, "card": {**CARD, "code": {"class": []}}}, "invalid-card"),
-        ({"type": "card", "wire": 1}, "invalid-card"),
+        ({"type": "card", "wire": 2, "card": {**CARD, "runs_on": [1]}}, "invalid-card"),
+        ({"type": "card", "wire": 2, "card": {**CARD, "code": {"class": []}}}, "invalid-card"),
+        ({"type": "card", "wire": 2}, "invalid-card"),
         ({"type": "error", "code": "busy", "message": "another client"}, "model-busy"),
         (b"\xc1", "invalid-message"),
     ],
@@ -409,7 +410,7 @@ def test_no_control_character_of_a_server_comes_in() -> None:
             connection.send(pack({**refusal, "message": ESCAPES, "traceback": ESCAPES}))
 
     card = {**CARD, "name": f"a{ESCAPES}", "weights_label": ESCAPES, "runs_on": {"host": ESCAPES}}
-    with scripted_server(answer, {"type": "card", "wire": 1, "card": card, "jpeg": False}) as url:
+    with scripted_server(answer, {"type": "card", "wire": 2, "card": card, "jpeg": False}) as url:
         policy = RemotePolicy(url)
         policy.reset("chair", 0)
         with pytest.raises(ModelError) as failed:

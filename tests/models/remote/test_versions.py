@@ -1,4 +1,4 @@
-"""Protocol version 2 sends the task; clients and servers of version 1 still work."""
+"""Both sides agree on a version of the protocol; the task reaches the server."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,20 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from websockets.sync.client import ClientConnection, connect
-from websockets.sync.server import ServerConnection
 
-from tests.models.remote.servers import CARD, STUB_OF_VERSION_1, look, scripted_server, stub_server
-from vsnbench.errors import ModelError
+from tests.models.remote.servers import look, stub_server
 from vsnbench.models.contract_check import synthetic_task
-from vsnbench.models.fit.goal import misfit
-from vsnbench.models.registry import create_policy
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
-from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.movement import ActionKind, Waypoint
+from vsnbench.values.movement import Waypoint
 from vsnbench.values.observation import Budget, observation_of
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -74,85 +68,20 @@ class Model(Policy):
 """
 
 
-def test_a_server_of_version_1_runs_category_goals_with_discrete_actions(tmp_path: Path) -> None:
-    with stub_server(TURNS, tmp_path, stub=STUB_OF_VERSION_1) as (url, _):
-        policy = create_policy(url)
-        policy.begin(synthetic_task(Goal("plant", category="potted plant"), 4))
-        decision = policy.act(look())
-    assert (decision.action, decision.diagnostics.note) == (Action.TURN_LEFT, "potted plant")
-    assert policy.card.goal_kinds == {GoalKind.CATEGORY}
-    assert policy.card.action_kinds == {ActionKind.DISCRETE}
-
-
-def test_a_server_of_version_1_is_refused_a_goal_in_words(tmp_path: Path) -> None:
-    with stub_server(TURNS, tmp_path, stub=STUB_OF_VERSION_1) as (url, _):
-        policy = RemotePolicy(url)
-        with pytest.raises(ModelError) as refused:
-            policy.begin(synthetic_task(Goal("red", GoalKind.TEXT, text="the red chair"), 4))
-    assert refused.value.code == "wrong-protocol-version"
-
-
-@pytest.mark.parametrize("answer", [{"movement": {"kind": "waypoint", "x_m": 1, "y_m": 0}}, {"parts": ["STOP"]}])
-def test_a_movement_from_a_server_of_version_1_is_an_error(answer: dict[str, Any]) -> None:
-    seen: list[dict[str, Any]] = []
-
-    def reply(connection: ServerConnection, message: dict[str, Any]) -> None:
-        seen.append(message)
-        kind: dict[str, Any] = {"type": "ready"} if message["type"] == "reset" else {"type": "decision", **answer}
-        connection.send(pack({**kind, "seq": message["seq"], "action": "STOP"}))
-
-    card = {**CARD, "action_kinds": ["waypoint"], "goal_kinds": ["text"]}
-    with scripted_server(reply, {"type": "card", "wire": 1, "card": card, "jpeg": False}) as url:
-        policy = RemotePolicy(url)
-        assert "takes goals of kind category" in misfit(policy.card, site_with_text(), "words")
-        policy.reset("chair", 0)
-        with pytest.raises(ModelError) as refused:
-            policy.act(observation_of(0.0, look().camera, rgb=look().rgb, budget=Budget(3)))
-    assert refused.value.code == "wrong-protocol-version"
-    assert set(seen[0]) == {"type", "seq", "episode", "goal", "seed"}
-    assert set(seen[1]) == {"type", "seq", "stamp_s", "camera", "rgb", "depth", "pose"}
-
-
-def site_with_text() -> Any:
-    site = load_site("apartment")
-    chair = next(thing for thing in site.objects if thing.category == "chair")
-    goal = {"id": "words", "kind": "text", "text": "a chair", "targets": [{"object": chair.id}]}
-    return type(site).model_validate({**site.model_dump(), "goals": [goal]})
-
-
 @contextmanager
-def old_client(url: str, **hello: Any) -> Iterator[tuple[ClientConnection, dict[str, Any]]]:
-    """Connect like a client of version 1."""
+def client(url: str) -> Iterator[tuple[ClientConnection, dict[str, Any]]]:
     with connect(url, compression=None, proxy=None) as connection:
-        connection.send(pack({"type": "hello", "wire": 1, "token": "", "client": "vsnbench 0.1.0", **hello}))
+        connection.send(pack({"type": "hello", "wire": 2, "token": "", "client": "test"}))
         yield connection, unpack(connection.recv())
-
-
-def test_a_client_of_version_1_gets_version_1(tmp_path: Path) -> None:
-    with stub_server(TURNS, tmp_path) as (url, _), old_client(url) as (connection, greeting):
-        assert (greeting["type"], greeting["wire"], greeting["card"]["name"]) == ("card", 1, "turns")
-        connection.send(pack({"type": "reset", "seq": 1, "episode": "x", "goal": "bed", "seed": 3}))
-        assert unpack(connection.recv())["type"] == "ready"
-        camera = look().camera.model_dump(mode="json")
-        rgb = {"encoding": "raw", "height": 48, "width": 64, "data": look().rgb.tobytes()}
-        act = {"type": "act", "seq": 2, "stamp_s": 0.0, "camera": camera, "rgb": rgb, "depth": None, "pose": None}
-        connection.send(pack(act))
-        answer = unpack(connection.recv())
-        assert (answer["type"], answer["action"], answer["diagnostics"]["note"]) == ("decision", "TURN_LEFT", "bed")
-
-
-def test_a_client_of_version_1_is_refused_a_model_of_movements(tmp_path: Path) -> None:
-    with stub_server(TELLS_ITS_TASK, tmp_path) as (url, _), old_client(url) as (_connection, greeting):
-        assert (greeting["type"], greeting["code"]) == ("error", "version")
 
 
 @pytest.mark.parametrize(
     ("hello", "version"),
     [
-        ({"wire": 1}, 1),
+        ({"wire": 1}, 0),
+        ({"wire": 2}, 2),
         ({"wire": 1, "newest_wire": 2}, 2),
         ({"wire": 1, "newest_wire": 7}, 2),
-        ({"wire": 2}, 2),
         ({"wire": 3, "newest_wire": 4}, 0),
         ({"wire": 0}, 0),
         ({"wire": True, "newest_wire": 2}, 0),
@@ -200,7 +129,7 @@ def test_a_policy_in_its_own_process_receives_the_same_task(tmp_path: Path, monk
 
 @pytest.mark.parametrize("task", [7, {}, {"protocol": {}}, {"protocol": {}, "robot": {}}, {"protocol": 1, "robot": 2}])
 def test_a_task_that_is_none_is_refused_and_the_connection_stays(task: Any, tmp_path: Path) -> None:
-    with stub_server(TURNS, tmp_path) as (url, _), old_client(url, newest_wire=2) as (connection, _greeting):
+    with stub_server(TURNS, tmp_path) as (url, _), client(url) as (connection, _greeting):
         reset = {"type": "reset", "seq": 1, "episode": "x", "goal": "bed", "seed": 3}
         connection.send(pack({**reset, "task": task}))
         answer = unpack(connection.recv())

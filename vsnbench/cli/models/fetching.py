@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.output import Json, is_quiet, print_files
+from vsnbench.cli.support.output import Json, print_files
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.text.terminal import Console
 
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 def fetch(
     name: Annotated[
         str,
-        typer.Argument(
-            help="Weights: coco-detector, mask-rcnn, vlv-value, pirlnav-il, pirlnav-rl, or a model.", metavar="NAME"
-        ),
+        typer.Argument(help="Weights: mask-rcnn, vlv-value, pirlnav-il, pirlnav-rl, or a model.", metavar="NAME"),
     ],
     url: Annotated[
         str | None,
@@ -30,44 +28,21 @@ def fetch(
         str | None,
         typer.Option("--sha256", help="Expected SHA-256 of the file. Default: the published one.", metavar="HASH"),
     ] = None,
-    source: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="Package file of 'npm pack @vladmandic/human@3.3.6', or its directory. Default: run npm.",
-            metavar="PATH",
-        ),
-    ] = None,
     as_json: Json = False,
 ) -> None:
     """Download weights, resume an interrupted download, and verify the hash, or the content if none is published.
 
-    coco-detector is an object detector for vlv and frontier, converted from an npm package (docs/vlv.md). The directory
-    is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
+    The directory is $VSNBENCH_WEIGHTS, else ~/.local/share/vsnbench/weights.
 
     [bold]Examples[/bold]
 
-        vsnbench models fetch coco-detector
         vsnbench models fetch mask-rcnn
         vsnbench models fetch pirlnav-rl
         vsnbench models fetch pirlnav https://example.org/il.ckpt --sha256 5d1c...
     """
-    from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
-    from vsnbench.models.vlv.detectors.centernet import package as coco_package
-    from vsnbench.models.vlv.detectors.choosing import ONNX_FILE
+    from vsnbench.models.checkpoints.weights import file_sha256
 
-    if name == coco_package.NAME:
-        if url or sha256:
-            raise UsageError(f"{name} has no address or hash to choose", advice="name a package with --from")
-        destination, licence = weights_directory() / ONNX_FILE, coco_package.LICENCE
-        next_command = "vsnbench run --model frontier --goal bed --starts 1"
-        work = "converting" if source else f"npm pack {coco_package.PACKAGE}@{coco_package.VERSION}, 29 MB"
-        with Console(stderr=True, quiet=is_quiet()).status(work):
-            fetched = coco_package.fetch_coco_detector(destination, source)
-    elif source is not None:
-        raise UsageError(f"--from is for {coco_package.NAME}; {name} is one file", advice="give its URL")
-    else:
-        destination, licence, next_command, fetched = _download(name, url, sha256)
+    destination, licence, next_command, fetched = _download(name, url, sha256)
     found = file_sha256(destination)
     if as_json:
         print_files([destination], as_json=True, fetched=fetched, sha256=found, licence=licence or None)

@@ -96,30 +96,6 @@ def tum(
     print_files(written, as_json=as_json)
 
 
-@app.command()
-def habitat(
-    output: Directory,
-    numbers: Numbers = None,
-    model: Models = None,
-    results: Results = None,
-    db: Database = None,
-    as_json: Json = False,
-) -> None:
-    """Write episode_results.json and aggregated_results.json in Habitat's style, for the episodes that count.
-
-    Example: [bold]vsnbench export habitat --model vlv --output results-habitat/[/bold]
-    """
-    from vsnbench.interop.episodes import read_episodes
-    from vsnbench.interop.habitat import write_habitat
-
-    directory = _directory(output)
-    with open_results(results, db) as (_, engine):
-        written = write_habitat(read_episodes(engine, numbers or (), split_list(model)), directory)
-    files = [str(directory / name) for name in ("episode_results.json", "aggregated_results.json")]
-    text = f"{counted(written, 'episode')} in {files[0]}"
-    print_result({"files": files, "episodes": written}, text, as_json=as_json)
-
-
 @app.command("csv")
 def csv_(
     output: CsvFile,

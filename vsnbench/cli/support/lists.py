@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from vsnbench.cli.support.renamed import refuse_renamed_value
 from vsnbench.errors import UsageError
 from vsnbench.text.number_ranges import read_numbers
 
@@ -42,7 +41,6 @@ def split_sites(values: Sequence[str]) -> tuple[str, ...]:
         parts = [value] if Path(value).is_file() else value.split(",")
         in_flats = False  # numbers that follow `flat:` are seeds as well
         for part in (piece.strip() for piece in parts):
-            refuse_renamed_value("--site", part)
             in_flats = part.startswith(_FLATS) or (in_flats and part[:1].isdecimal())
             if in_flats:
                 seeds = read_numbers(part.removeprefix(_FLATS), "--site", "flat:0-19", typed=value)

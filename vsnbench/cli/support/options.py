@@ -12,7 +12,6 @@ import typer
 
 from vsnbench.cli.support.lists import split_sites
 from vsnbench.cli.support.output import is_quiet
-from vsnbench.cli.support.renamed import refuse_renamed_value
 from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF, load_config
 from vsnbench.errors import UsageError
 
@@ -169,7 +168,6 @@ def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
 
     if not given:
         return KeepFiles.ALL if live else None
-    refuse_renamed_value("--keep", given)
     if given not in list(KeepFiles):
         raise UsageError(f"--keep {given}: unknown value", advice=f"give {', '.join(KeepFiles)}", code="unknown-value")
     if live and given != KeepFiles.ALL:

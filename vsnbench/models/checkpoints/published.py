@@ -53,4 +53,4 @@ PUBLISHED: Final = {
         page=_PIRLNAV_PAGE,
     ),
 }
-"""Name -> file. `coco-detector` is not here: vsnbench converts it (models/vlv/detectors/centernet)."""
+"""Name -> file."""

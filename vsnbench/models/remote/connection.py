@@ -34,8 +34,8 @@ logger = logging.getLogger(__name__)
 MAX_ANSWER_BYTES = 8 * 2**20
 """An answer has an action and diagnostics; the largest of a built-in model, VLV's map, has 40 kB."""
 CONNECT_TIMEOUT_S = 5.0
-REPLACE_STUB = "replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`"
-"""Advice for a server whose version of the protocol is too old."""
+_REPLACE_STUB = "replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`"
+"""Advice for a server of another version of the protocol."""
 _MAX_LATE_ANSWERS = 100
 _FRAGMENT_BYTES = 120 * 2**10
 """Size of the fragments of a request. The server reads a fragment while the next is masked, and fragments are below the
@@ -105,7 +105,7 @@ class Answer:
 class Connection:
     """An open connection. Not thread-safe.
 
-    `greeting` is the server's first message, with the model's card. `version` is the version of the protocol in use.
+    `greeting` is the server's first message, with the model's card.
     """
 
     def __init__(self, address: Address, token: str, client: str) -> None:
@@ -135,7 +135,7 @@ class Connection:
         except BaseException:
             self.close()
             raise
-        self.version = _checked_version(self.greeting, address)
+        _check_greeting(self.greeting, address)
 
     def ask(self, request: Mapping[str, Any], timeout_s: float) -> Answer:
         """Send a request and return its answer. Answers to older requests are dropped.
@@ -304,8 +304,8 @@ def _open(address: Address) -> "ClientConnection":
     return found
 
 
-def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
-    """Return the version of the protocol that the server chose."""
+def _check_greeting(greeting: Mapping[str, Any], address: Address) -> None:
+    """Raise an error unless the server sent its card in a version of the protocol that this client knows."""
     if greeting.get("type") == "error":
         statement = f"the model at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
         if greeting.get("code") == "busy":
@@ -321,9 +321,7 @@ def _checked_version(greeting: Mapping[str, Any], address: Address) -> int:
     version: Any = greeting.get("wire")
     if isinstance(version, bool) or version not in range(OLDEST_WIRE_VERSION, WIRE_VERSION + 1):
         raise ModelError(
-            f"the model at {address} uses version {version!r:.20} of the protocol, "
-            f"not {OLDEST_WIRE_VERSION} to {WIRE_VERSION}",
-            advice=REPLACE_STUB,
+            f"the model at {address} uses version {version!r:.20} of the protocol, not {WIRE_VERSION}",
+            advice=_REPLACE_STUB,
             code="wrong-protocol-version",
         )
-    return int(version)

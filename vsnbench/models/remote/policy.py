@@ -14,7 +14,7 @@ from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import REPLACE_STUB, Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
@@ -135,12 +135,12 @@ class RemotePolicy(Policy):
         self._begin_episode(goal, seed)
 
     def begin(self, task: Task) -> None:
-        """Start an episode; raises as `reset` does. A server of version 1 receives goal and seed only."""
+        """Start an episode; raises as `reset` does."""
         self._begin_episode(task.goal, task.seed, task)
 
     def _begin_episode(self, goal: str, seed: int, task: Task | None = None) -> None:
         connection = self._connected()
-        request = reset_message(goal, seed, task, connection.version)
+        request = reset_message(goal, seed, task)
         self._ask(connection, request, "ready", self.settings.reset_timeout_s)
 
     def act(self, observation: Observation) -> Decision:
@@ -152,19 +152,11 @@ class RemotePolicy(Policy):
         """
         connection = self.connection
         content = observation_to_message(observation, rgb=self.settings.rgb, depth=self.settings.depth)
-        if connection.version == 1:
-            content.pop("budget", None)
         limit_s = self.settings.act_timeout_s
         if connection is not self._acted_on:  # many models compile or allocate at their first action
             limit_s = max(limit_s, self.settings.reset_timeout_s)
         answer = self._ask(connection, {"type": "act", **content}, "decision", limit_s)
         self._acted_on = connection
-        if connection.version == 1 and (answer.message.get("movement") or answer.message.get("parts")):
-            raise ModelError(
-                f"the server at {self._address} uses version 1 of the protocol, which has no movements",
-                advice=REPLACE_STUB,
-                code="wrong-protocol-version",
-            )
         return _decision(answer, limit_s)
 
     def close(self) -> None:

@@ -4,30 +4,14 @@ import hashlib
 from dataclasses import asdict
 from typing import Any
 
-from vsnbench.errors import ModelError
-from vsnbench.models.remote.connection import REPLACE_STUB
 from vsnbench.models.task import Task
-from vsnbench.values.goal import Goal, GoalKind
+from vsnbench.values.goal import Goal
 
 
-def reset_message(goal: str, seed: int, task: Task | None, version: int) -> dict[str, Any]:
-    """Return a `reset` request without its number, for the server's version of the protocol.
-
-    Version 1 has neither goal fields nor a task.
-
-    Raises:
-        ModelError: version 1 cannot express the goal.
-    """
+def reset_message(goal: str, seed: int, task: Task | None) -> dict[str, Any]:
+    """Return a `reset` request without its number."""
     opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
     message: dict[str, Any] = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
-    if version == 1:
-        if isinstance(goal, Goal) and goal.kind is not GoalKind.CATEGORY:
-            raise ModelError(
-                f"the model's server uses version 1 of the protocol, which has no goals of kind {goal.kind}",
-                advice=REPLACE_STUB,
-                code="wrong-protocol-version",
-            )
-        return message
     message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
     if task is not None:
         robot = {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")}

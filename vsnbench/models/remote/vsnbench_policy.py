@@ -60,8 +60,8 @@ from websockets.sync.server import unix_serve as _unix_serve
 
 WIRE_VERSION = 2
 """Version of the protocol in docs/wire.md. Both sides use the highest version that both know."""
-OLDEST_WIRE_VERSION = 1
-"""Version 1 has category goals and discrete actions only, and no task."""
+OLDEST_WIRE_VERSION = 2
+"""Oldest version that this file knows."""
 TOKEN_VARIABLE = "VSNBENCH_TOKEN"  # noqa: S105 - the name of a variable
 ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "NOOP")
 """NOOP counts as an action and does not move the robot."""
@@ -160,7 +160,7 @@ class Task:
 
     @staticmethod
     def of(goal: Goal, seed: int, given: Any) -> "Task | None":
-        """Return the task of a `reset` message; None if it has none, as in version 1.
+        """Return the task of a `reset` message; None if it has none.
 
         Raises:
             WireError: the message is invalid.
@@ -703,7 +703,7 @@ def _handle_client(connection: Any, model: _Model, token: str, waiting: _Waiting
     try:
         hello = _first_message(connection)
         version = _common_version(hello)
-        problem, session = _problem_with(hello, token, version, model.card), None
+        problem, session = _problem_with(hello, token, version), None
         if problem is None:
             session = model.take_session()
         if session is None:
@@ -739,7 +739,7 @@ def _first_message(connection: Any) -> dict[str, Any]:
 
 
 def _common_version(hello: dict[str, Any]) -> int:
-    """Return the highest version that both sides know, or 0. A client of version 1 has no `newest_wire`."""
+    """Return the highest version that both sides know, or 0. Without `newest_wire` the client knows `wire` alone."""
     oldest: Any = hello.get("wire")
     newest: Any = hello.get("newest_wire", oldest)
     if any(isinstance(version, bool) or not isinstance(version, int) for version in (oldest, newest)):
@@ -748,7 +748,7 @@ def _common_version(hello: dict[str, Any]) -> int:
     return version if version >= max(oldest, OLDEST_WIRE_VERSION) else 0
 
 
-def _problem_with(hello: dict[str, Any], token: str, version: int, card: dict[str, Any]) -> tuple[str, str] | None:
+def _problem_with(hello: dict[str, Any], token: str, version: int) -> tuple[str, str] | None:
     if hello.get("type") != "hello":
         return ("protocol", "the first message must be hello")
     if not version:
@@ -756,14 +756,6 @@ def _problem_with(hello: dict[str, Any], token: str, version: int, card: dict[st
             "version",
             "this model uses versions {} to {} of the protocol, the client {!r:.20}".format(
                 OLDEST_WIRE_VERSION, WIRE_VERSION, hello.get("wire")
-            ),
-        )
-    answers, goals = card["action_kinds"], card["goal_kinds"]
-    if version == 1 and (answers != ["discrete"] or not {"category", "text"} & set(goals)):
-        return (
-            "version",
-            "a client of version 1 of the protocol has no goals of kind {} with answers of kind {}".format(
-                " or ".join(goals), " or ".join(answers)
             ),
         )
     given = hello.get("token", "")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from vsnbench.errors import DecisionError, ModelError, ModelLostError, VsnbenchError
-from vsnbench.models import duck_typed, loaded
+from vsnbench.models import loaded
 from vsnbench.models.contract import Policy
 from vsnbench.models.fit.decision import fitting_decision, without_tilt
 from vsnbench.models.fit.goal import goal_for
@@ -36,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 _LONGEST_TRACEBACK = 20_000
 TRACEBACK_TIMEOUT_S = 2.0
-_CALLERS = (__file__, duck_typed.__file__, loaded.__file__, time_limits.__file__)
+_CALLERS = (__file__, loaded.__file__, time_limits.__file__)
 
 
 class PolicyFailedError(Exception):

@@ -66,7 +66,7 @@ def _warn_without_weights(directory: Path) -> None:
     """Say once in a process that no detector has weights; a sweep opens a model for every condition."""
     logger.warning(
         "no weights of a detector (%s or %s in %s): the simulator's labels are used, which only simulated robots have; "
-        "`vsnbench models fetch coco-detector` gets a detector",
+        "`vsnbench models fetch mask-rcnn` gets a detector, and docs/vlv.md shows how to export one",
         MASK_RCNN_FILE,
         ONNX_FILE,
         directory,

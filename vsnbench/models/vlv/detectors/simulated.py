@@ -58,7 +58,7 @@ class SimulatedDetector(Detector):
         if image is None:
             raise ModelError(
                 "the simulated detector needs an instance image: it works on simulated robots only",
-                advice="get a detector: `vsnbench models fetch coco-detector`",
+                advice="get a detector: `vsnbench models fetch mask-rcnn`, or export one (docs/vlv.md)",
             )
         found: list[Detection] = []
         others: list[npt.NDArray[np.bool_]] = []
