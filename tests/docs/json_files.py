@@ -87,7 +87,7 @@ def write_files(directory: Path) -> None:
     )
     profile = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
     plain = profile.partition("\ninterface:")[0] + (
-        "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\ndynamics: {dead_time_s: 0.05, motor_time_constant_s: 0.08}\n"
+        "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\ndynamics: {dead_time_s: 0.05, odometry_rate_hz: 20}\n"
     )
     texts = {
         "log/datos.csv": DRY_LOG,

@@ -46,6 +46,14 @@ def the_file() -> Path:
     return file
 
 
+def test_without_a_home_directory_the_cache_is_in_the_private_temporary_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", "~nosuchuser/cache")
+    assert cache_directory() == tmp_path / f"vsnbench-{os.getuid()}" / "cache"
+
+
 def test_work_is_done_once() -> None:
     work = Work()
     assert np.array_equal(fetch(work), GRID)

@@ -14,7 +14,7 @@ from vsnbench.models.remote import isolation
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.runtime.hide_files import can_hide_files, can_refuse_tcp, command_without
 
-needs_landlock = pytest.mark.skipif(not can_hide_files(), reason="this kernel has no Landlock")
+needs_landlock = pytest.mark.skipif(not can_hide_files(), reason="this kernel has no Landlock of Linux 5.19")
 READ = """
 import sys
 for path in sys.argv[1:]:
@@ -85,6 +85,10 @@ def test_a_hidden_file_cannot_be_moved_to_where_it_can_be_read(tmp_path: Path) -
     moved = subprocess.run(command_without([tmp_path / "results"], words), stderr=subprocess.PIPE, check=False)
     assert moved.returncode == 1
     assert (tmp_path / "results" / "record").exists()
+    words[3:] = [str(tmp_path / "model" / "own"), str(tmp_path / "own")]
+    (tmp_path / "model" / "own").write_text("weights")
+    subprocess.run(command_without([tmp_path / "results"], words), check=True)
+    assert (tmp_path / "own").read_text() == "weights", "other files go from one directory to another"
 
 
 @pytest.mark.skipif(not can_refuse_tcp(), reason="this kernel's Landlock is older than Linux 6.7")

@@ -19,8 +19,9 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.errors import VsnbenchError
+from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.files.home import expanded
 from vsnbench.files.temporary import private_temporary_directory
 
 logger = logging.getLogger(__name__)
@@ -36,8 +37,16 @@ def cache_directory() -> Path:
 
     If it is not writable, one in `private_temporary_directory` replaces it, so that the processes of a run still share
     results.
+
+    Raises:
+        UsageError: neither a home directory nor a temporary directory exists.
     """
-    usual = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "vsnbench"
+    try:
+        usual = expanded(os.environ.get("XDG_CACHE_HOME") or "~/.cache") / "vsnbench"
+    except UsageError:
+        if (private := private_temporary_directory()) is None:
+            raise
+        return private / "cache"
     if can_write(usual) or (private := private_temporary_directory()) is None:
         return usual
     return private / "cache"

@@ -1,14 +1,15 @@
 """Starts a program that cannot read some files or use TCP, with the kernel's Landlock; also a script.
 
 Landlock only permits, so everything else is permitted: every file and directory beside the hidden ones and beside the
-directories above them. What is created beside those later cannot be read either. Linux 5.13 or later; TCP is refused
-from Linux 6.7 on. `hide_files.py FILES… -- COMMAND…` runs a command in this way.
+directories above them. What is created beside those later cannot be read either. Linux 5.19 or later (before, Landlock
+refuses to move files from one directory to another); TCP is refused from Linux 6.7 on. `hide_files.py FILES… -- COMMAND…` runs a command in this way.
 """
 
 import ctypes
 import os
 import sys
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
@@ -16,6 +17,9 @@ _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _VERSION = 1
 """Flag of _CREATE_RULESET: return the version."""
 _READ_FILE = 1 << 2
+_MOVE_BETWEEN_DIRECTORIES = 1 << 13
+"""Refused unless permitted; a move that would make a hidden file readable is refused in any case."""
+_FIRST_VERSION_WITH_MOVES = 2
 _TCP_BIND_AND_CONNECT = 3
 _FIRST_VERSION_WITH_TCP = 4
 _PATH_BENEATH = 1
@@ -35,8 +39,8 @@ class _Rule(ctypes.Structure):
 
 
 def can_hide_files() -> bool:
-    """Return whether this kernel has Landlock."""
-    return sys.platform == "linux" and _version() > 0
+    """Return whether this kernel's Landlock can hide files and permit all else."""
+    return sys.platform == "linux" and _version() >= _FIRST_VERSION_WITH_MOVES
 
 
 def can_refuse_tcp() -> bool:
@@ -59,9 +63,10 @@ def _hide(hidden: Collection[str]) -> None:
     Raises:
         OSError: the kernel refuses.
     """
-    refused = _Ruleset(_READ_FILE, _TCP_BIND_AND_CONNECT)
+    refused = _Ruleset(_READ_FILE | _MOVE_BETWEEN_DIRECTORIES, _TCP_BIND_AND_CONNECT)
     size = ctypes.sizeof(_Ruleset) if can_refuse_tcp() else _Ruleset.network.offset
     ruleset = _called(_CREATE_RULESET, ctypes.byref(refused), size, 0)
+    _permit(ruleset, "/", _MOVE_BETWEEN_DIRECTORIES)
     _permit_beside(ruleset, "/", hidden)
     _system.prctl(_SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
     _called(_RESTRICT_SELF, ruleset, 0)
@@ -79,13 +84,15 @@ def _permit_beside(ruleset: int, directory: str, hidden: Collection[str]) -> Non
         if any(path.startswith(f"{entry.path}/") for path in hidden):
             _permit_beside(ruleset, entry.path, hidden)
             continue
-        try:
-            descriptor = os.open(entry.path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
-        except OSError:  # just removed
-            continue
-        rule = _Rule(_READ_FILE, descriptor)
-        _system.syscall(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
-        os.close(descriptor)
+        with suppress(FileNotFoundError):  # just removed
+            _permit(ruleset, entry.path, _READ_FILE)
+
+
+def _permit(ruleset: int, path: str, what: int) -> None:
+    descriptor = os.open(path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
+    rule = _Rule(what, descriptor)
+    _system.syscall(_ADD_RULE, ruleset, _PATH_BENEATH, ctypes.byref(rule), 0)
+    os.close(descriptor)
 
 
 def _called(number: int, *arguments: object) -> int:

@@ -99,6 +99,11 @@ def test_another_network_at_the_published_address_is_refused_and_deleted(
     assert answer.code == 1
     assert "a PIRLNav network of another size than the published one: 582,927 parameters; file deleted" in answer.err
     assert list(weights.iterdir()) == []
+    shutil.copyfile(CHECKPOINT, weights / "pirlnav.ckpt")
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", name)
+    assert answer.code == 2
+    assert "(a PIRLNav network of another size than the published one" in answer.err
+    assert "move it first" in answer.err
 
 
 def test_a_web_page_in_place_of_weights_is_refused_and_deleted(

@@ -66,3 +66,17 @@ def test_another_suffix_is_refused_and_nothing_is_written(
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "--output" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["csv", "episodes", "bag"])
+@pytest.mark.parametrize("output", [".", "/"])
+def test_a_directory_in_the_place_of_a_file_is_refused(results: Path, form: str, output: str) -> None:
+    done = vsnbench(results, "export", form, "1", "--output", output)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert f"--output {output} is a directory" in done.stderr
+
+
+def test_videos_go_to_a_directory_whose_name_has_a_dot(results: Path, tmp_path: Path) -> None:
+    done = vsnbench(results, "export", "video", "2", "--output", str(tmp_path / "videos-1.0"))
+    assert done.returncode == 0, done.stderr
+    assert [file.suffix for file in (tmp_path / "videos-1.0").iterdir()] == [".mp4"]

@@ -64,6 +64,7 @@ def test_the_loss_is_undisturbed_minus_disturbed(stressed: StressedModel) -> Non
 def test_p_values_are_corrected_for_all_conditions_of_the_model(stressed: StressedModel) -> None:
     adjusted = [loss.rate.adjusted_p for loss in stressed.losses]
     assert adjusted == list(holm([loss.rate.p for loss in stressed.losses]))
+    assert {loss.rate.questions for loss in stressed.losses} == {4}, "the intervals hold together as well"
     assert min(adjusted) == pytest.approx(4 * 2 / 2**12), "an exact test of 12 losses, times four conditions"
 
 

@@ -40,7 +40,9 @@ def _file(output: Path, suffix: str) -> Path:
     Raises:
         UsageError: it has another suffix, or is a directory.
     """
-    if output.suffix.lower() != suffix or output.is_dir():
+    if output.is_dir():
+        raise UsageError(f"--output {output} is a directory", advice=f"--output {output / f'episodes{suffix}'}")
+    if output.suffix.lower() != suffix:
         raise UsageError(f"--output {output} must be a {suffix} file", advice=f"--output {output.with_suffix(suffix)}")
     return output
 
@@ -275,7 +277,8 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.cli.results.video_export import VideoRequest, export_videos
 
-    if output is not None and output.suffix and output.suffix.lower() != ".mp4":
+    other_formats = set(_FORMAT_SUFFIXES) - {".mp4"}
+    if output is not None and output.suffix.lower() in other_formats and not output.is_dir():
         raise UsageError(f"--output {output} must be an .mp4 file or a directory", advice=f"--output {output.stem}.mp4")
     request = VideoRequest(
         tuple(numbers or ()), split_list(model), split_list(goal), failures, pair, montage, output, size, speed

@@ -56,13 +56,14 @@ def fetch(
     if not url.startswith(("http://", "https://")):
         raise UsageError(f"{url!r} is not an http or https address", code="invalid-url")
     if destination.exists():
-        if by_content is not None:
-            by_content(destination)
-            return False
-        if file_sha256(destination).startswith(sha256):
+        if by_content is None:
+            difference = "" if file_sha256(destination).startswith(sha256) else "its SHA-256 differs"
+        else:
+            difference = _wrong_content(destination, by_content)
+        if not difference:
             return False
         raise UsageError(
-            f"another file is at {destination} (its SHA-256 differs)", advice="move it first", code="file-exists"
+            f"another file is at {destination} ({difference})", advice="move it first", code="file-exists"
         )
     tag = sha256 or hashlib.sha256(url.encode()).hexdigest()
     part = destination.with_name(f"{destination.name}.{tag[:12]}.part")
@@ -84,12 +85,18 @@ def fetch(
 
 def _check_or_delete(part: Path, url: str, check_content: Callable[[Path], object]) -> None:
     """Check a download by its content, and delete it if it is another file."""
-    try:
-        check_content(part)
-    except ModelError as error:
+    if reason := _wrong_content(part, check_content):
         part.unlink()
-        reason = str(error).removeprefix(f"{part}: ")
-        raise ModelError(f"{url}: {reason}; file deleted", advice="check the link", code="wrong-content") from error
+        raise ModelError(f"{url}: {reason}; file deleted", advice="check the link", code="wrong-content")
+
+
+def _wrong_content(file: Path, check_content: Callable[[Path], object]) -> str:
+    """Return why a file has another content; empty if it has not."""
+    try:
+        check_content(file)
+    except ModelError as error:
+        return str(error).removeprefix(f"{file}: ")
+    return ""
 
 
 def _download(url: str, part: Path, progress: Progress) -> None:

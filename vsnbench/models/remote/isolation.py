@@ -84,7 +84,7 @@ class IsolatedProcess:
         hide_memory()
         if isolation.hidden and not can_hide_files():
             raise UsageError(
-                "this kernel cannot hide the results from a model: it has no Landlock",
+                "this kernel cannot hide the results from a model: it has no Landlock of Linux 5.19",
                 advice="leave hide_results out of [isolation] in vsnbench.toml, or serve the model from a container",
                 code="no-landlock",
             )

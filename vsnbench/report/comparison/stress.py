@@ -126,7 +126,10 @@ def stressed_model(record: ReportData, results: Results, campaigns: StressedCamp
         if disturbed is not None and (loss := _loss(record, results, (undisturbed, disturbed), disturbance)):
             losses.append(replace(loss, campaigns=numbers))
     adjusted = holm([loss.rate.p for loss in losses])
-    corrected = (replace(loss, rate=replace(loss.rate, adjusted_p=p)) for loss, p in zip(losses, adjusted, strict=True))
+    corrected = (
+        replace(loss, rate=replace(loss.rate, adjusted_p=p, questions=len(losses)))
+        for loss, p in zip(losses, adjusted, strict=True)
+    )
     return StressedModel(undisturbed, tuple(corrected), campaigns.unseen)
 
 
