@@ -17,6 +17,7 @@ from sqlalchemy import select
 from vsnbench.errors import UsageError
 from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.reading.blinding import HIDDEN_COLUMNS, blind_episodes
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Episode, Step
@@ -92,7 +93,7 @@ class Results:
         """Return one row per step, in the order of episodes and steps.
 
         The columns are those of the table `step` (docs/schema.md) without JSON: distances in metres, angles in radians,
-        times in seconds, NaN for unknown values.
+        times in seconds, NaN for unknown values. Arms of a blind study have neither times nor the model's own words.
 
         Args:
             episodes: numbers of episodes, or lists, arrays or columns of them. Without any, the steps of all episodes.
@@ -113,7 +114,13 @@ class Results:
                 known = sorted(numbers.intersection(connection.scalars(select(Episode.id))))
                 parts = [known[first : first + _IN_ONE_QUERY] for first in range(0, len(known), _IN_ONE_QUERY)]
                 rows = [row for part in parts for row in connection.execute(query.where(Step.episode_id.in_(part)))]
-        return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
+            blind = blind_episodes(connection)
+        frame = pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
+        hidden = frame["episode_id"].isin(blind)
+        frame["raw_action"] = frame["raw_action"].where(~hidden, frame["action"])
+        for name in HIDDEN_COLUMNS & set(frame.columns):
+            frame[name] = frame[name].where(~hidden)
+        return frame
 
 
 def _episode_numbers(episodes: tuple[int | Iterable[int], ...]) -> set[int]:

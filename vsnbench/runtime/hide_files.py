@@ -2,7 +2,8 @@
 
 Landlock only permits, so everything else is permitted: every file and directory beside the hidden ones and beside the
 directories above them. What is created beside those later cannot be read either. Linux 5.19 or later (before, Landlock
-refuses to move files from one directory to another); TCP is refused from Linux 6.7 on. `hide_files.py FILES… -- COMMAND…` runs a command in this way.
+refuses to move files from one directory to another); TCP is refused from Linux 6.7 on. `hide_files.py FILES… --
+COMMAND…` runs a command in this way.
 """
 
 import ctypes

@@ -48,6 +48,24 @@ def test_a_command_reads_an_older_record_and_leaves_it_as_it_is(archived: Path, 
     assert content(archived) == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["note", "1", "seen"],
+        ["judge", "1", "--void", "visitor", "--yes"],
+        ["judge", "1", "--second", "Grace", "--retract"],
+        ["db", "delete", "--episode", "1", "--reason", "a face", "--yes"],
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_a_command_that_writes_to_an_older_record_is_refused(archived: Path, words: list[str]) -> None:
+    before = content(archived)
+    done = vsnbench(archived, *words)
+    assert done.returncode != 0
+    assert "`vsnbench db upgrade` upgrades it" in done.stderr
+    assert content(archived) == before
+
+
 def test_python_and_the_page_read_an_older_record(archived: Path) -> None:
     before = content(archived)
     episodes = open_results(archived).episodes()
@@ -55,6 +73,9 @@ def test_python_and_the_page_read_an_older_record(archived: Path) -> None:
         client = entered(address)
         wait_until(lambda: client.ask("GET", "/data/episodes.json").status == 200, "the list is there")
         rows = client.ask("GET", "/data/episodes.json").json["rows"]
+        refused = client.post("/annotate", episodes=[1], note="seen")
+        assert refused.status >= 400
+        assert "db upgrade" in refused.json["message"]
     assert [row[0] for row in rows] == sorted(episodes["episode"])
     assert len(rows) > 10
     assert content(archived) == before

@@ -37,6 +37,26 @@ def test_report_prints_rates_with_their_intervals(lab: Lab) -> None:
         assert words in outcome.stdout
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--table", "goals-1", "--json"],
+        ["--table", "goals-1", "--format", "csv"],
+        ["--table", "goals-1", "--serve"],
+        ["--table", "goals-1", "--only-reference"],
+        ["--table", "goals-1", "--website", "site"],
+        ["--figure", "map"],
+        ["--figure", "map", "--format", "latex"],
+        ["--figure", "map", "--website", "site"],
+    ],
+    ids=" ".join,
+)
+def test_an_option_that_would_have_no_effect_is_refused(lab: Lab, words: list[str]) -> None:
+    refused = vsnbench("report", "--results", lab.directory, *words).exception
+    assert isinstance(refused, UsageError)
+    assert refused.code == "unused-option"
+
+
 def test_report_speaks_json_to_scripts(lab: Lab) -> None:
     outcome = vsnbench("report", "--results", lab.directory, "--format", "json", "--model", "random")
     (model,) = json.loads(outcome.stdout)["models"]

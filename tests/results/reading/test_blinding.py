@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from tests.results.studies_of_a_lab import apply_merge, lock
+from vsnbench import open_results
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.blinding import hide_steps
+from vsnbench.results.reading.blinding import HIDDEN_COLUMNS, hide_steps
 from vsnbench.results.reading.queries import EpisodeFilter, episode_details, episode_steps, list_episodes
 from vsnbench.results.writing.journal import Journal
 
@@ -23,7 +24,13 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
             assert step.result is not None
             assert step.result.duration_s == 1.5, "of the movement alone"
         assert [step.stamp_s for step in hide_steps(steps * 3)] == [0.0, 1.5, 3.0], "exports have times in order"
+        results = open_results(tmp_path)
+        hidden = results.steps()[[*HIDDEN_COLUMNS & set(results.steps().columns)]]
+        assert (len(hidden), hidden.notna().sum().sum()) == (1, 0)
+        assert results.episodes()[["ended_at", "wall_duration_s", "thinking_s"]].notna().sum().sum() == 0
         journal.unblind_study(study.id, reason="over")
+        assert results.episodes()["ended_at"].notna().all()
+        assert results.steps()["recorded_at"].notna().all()
         assert episode_details(journal.engine, 1).summary.ended_at is not None
         assert all(summary.ended_at is not None for summary in list_episodes(journal.engine, EpisodeFilter()))
         assert all(step.recorded_at is not None for step in episode_steps(journal.engine, 1))

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -26,7 +27,7 @@ from vsnbench.report.frames import open_results
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing import deletion
-from vsnbench.results.writing.deletion import delete_for_good
+from vsnbench.results.writing.deletion import delete_for_good, finish_deletions
 from vsnbench.results.writing.journal import Journal
 from vsnbench.verification.verify import verify
 

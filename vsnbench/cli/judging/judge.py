@@ -130,7 +130,7 @@ def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: boo
     from vsnbench.results.writing.provenance import gather_provenance
     from vsnbench.runner.judging.case import Case
 
-    with open_record(place.database_url) as engine:
+    with open_record(place.database_url, reads_copy=False) as engine:
         details = episode_details(engine, number)
     judgement = _decided(Case.of_recorded(details), replace(answer, is_confirmed=yes))
     verdict, provenance = judgement.verdict, gather_provenance()

@@ -30,7 +30,7 @@ def answer_second(
             f"episode {number}: give one answer",
             advice="--distance, --collision, --void, --confirm (it ended as recorded) or --retract",
         )
-    with open_record(place.database_url) as engine:
+    with open_record(place.database_url, reads_copy=False) as engine:
         case = blind_case(episode_details(engine, number))
     if retract:
         with Journal.open(place.database_url) as journal:
@@ -58,7 +58,7 @@ def serve_second(
     from vsnbench.web_server.session_key import SessionKey
 
     rater = read_rater(rater)
-    with open_record(place.database_url):
+    with open_record(place.database_url, reads_copy=False):
         pass  # a page for an empty directory would create a record
     with Journal.open(place.database_url) as journal:
         rating = SecondRating(journal, place, rater, sample, seed)

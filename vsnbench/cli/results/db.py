@@ -288,7 +288,10 @@ def delete_(
         if not episodes and not campaigns:
             _print_deletion(plan, aside, as_json=as_json)
             return
-    with open_results(results, db) as (place, engine), transaction(reading(engine)) as connection:
+    with (
+        open_results(results, db, reads_copy=False) as (place, engine),
+        transaction(reading(engine)) as connection,
+    ):
         plan = plan_deletion(connection, episodes, campaigns)
     what = _content(plan)
     if not yes:

@@ -277,7 +277,7 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.cli.results.video_export import VideoRequest, export_videos
 
-    other_formats = set(_FORMAT_SUFFIXES) - {".mp4"}
+    other_formats = {*_FORMAT_SUFFIXES, ".avi", ".gif", ".mkv", ".mov", ".webm"} - {".mp4"}
     if output is not None and output.suffix.lower() in other_formats and not output.is_dir():
         raise UsageError(f"--output {output} must be an .mp4 file or a directory", advice=f"--output {output.stem}.mp4")
     request = VideoRequest(

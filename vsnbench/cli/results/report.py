@@ -121,6 +121,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             advice="add --output DIR or --format latex",
             code="bad-column",
         )
+    shows_all = "the website" if website else "--only-reference" if only_reference else "the page" if serve else ""
+    if not shows_all and not output and form in (Format.JSON, Format.CSV):
+        shows_all = f"--format {form.value}"
+    if table and not output and shows_all:
+        raise UsageError(f"--table: {shows_all} has all tables", advice="leave it out", code="unused-option")
+    if figure and (website or only_reference or not (output or serve)):
+        raise UsageError("--figure: no figures are written one by one", advice="add --output DIR", code="unused-option")
     if output is not None and output.suffix in _FILES and not output.is_dir():
         raise UsageError(
             f"--output {output} must be a directory, which gets report{output.suffix} and other files",

@@ -147,5 +147,7 @@ def _recorded(context: Context, limit: int | None) -> Any:
     apply_config_defaults()
     given = context.params.get("results")
     results = None if given is None else Path(given)
-    with open_record(ResultsDirectory.locate(results, context.params.get("db")).database_url) as engine:
+    with open_record(
+        ResultsDirectory.locate(results, context.params.get("db")).database_url, reads_copy=False
+    ) as engine:
         return list_episodes(engine, EpisodeFilter(), limit)

@@ -107,18 +107,20 @@ def results_directory(results: Path | None, db: str | None) -> "ResultsDirectory
 
 
 @contextmanager
-def open_results(results: Path | None, db: str | None) -> "Iterator[tuple[ResultsDirectory, Engine]]":
+def open_results(
+    results: Path | None, db: str | None, *, reads_copy: bool = True
+) -> "Iterator[tuple[ResultsDirectory, Engine]]":
     """Open the existing record of `--results` and `--db` for reading; a deletion that was interrupted is finished.
 
     Raises:
-        RecordError: no record exists, or its schema is not the current one.
+        RecordError: no record exists, or it cannot be read; see `open_record`.
     """
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.deletion import finish_deletions
 
     place = results_directory(results, db)
     finish_deletions(place)
-    with open_record(place.database_url) as engine:
+    with open_record(place.database_url, reads_copy=reads_copy) as engine:
         yield place, engine
 
 

@@ -62,9 +62,7 @@ def fetch(
             difference = _wrong_content(destination, by_content)
         if not difference:
             return False
-        raise UsageError(
-            f"another file is at {destination} ({difference})", advice="move it first", code="file-exists"
-        )
+        raise UsageError(f"another file is at {destination} ({difference})", advice="move it first", code="file-exists")
     tag = sha256 or hashlib.sha256(url.encode()).hexdigest()
     part = destination.with_name(f"{destination.name}.{tag[:12]}.part")
     try:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsnbench.report.analysis.conditions import Condition
+from vsnbench.results.reading.blinding import HIDDEN_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,12 +39,14 @@ def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
 
 
 def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition]) -> "pd.DataFrame":
-    """Add the column `sct`, and keep `thinking_s` where it counts: of real robots, unless a study is blind."""
+    """Add the column `sct`, and keep `thinking_s` where it counts: of real robots; blinded arms have no wall times."""
     speeds = {condition.number: condition.max_linear_m_s for condition in conditions}
     real = [condition for condition in conditions if not condition.simulated]
+    frame["thinking_s"] = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]))
     # The time that a model thinks would reveal it in a blinded study.
-    shown = [condition.number for condition in real if not condition.blind]
-    frame["thinking_s"] = frame["thinking_s"].where(frame["condition"].isin(shown))
+    if blind := [condition.number for condition in conditions if condition.blind]:
+        for name in HIDDEN_COLUMNS & set(frame.columns):
+            frame[name] = frame[name].where(~frame["condition"].isin(blind))
     counted_s = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]), 0.0)
     frame["sct"] = sct_of(frame, frame["condition"].map(speeds).astype(np.float64), frame["duration_s"] + counted_s)
     return frame

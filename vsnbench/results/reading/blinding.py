@@ -42,16 +42,22 @@ CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
 CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
 ENDED_AT: ColumnElement[datetime | None] = case((CODE.is_(None), Episode.ended_at), else_=None)
 """End of an episode; NULL for a blinded arm, because the model's time is in it."""
+HIDDEN_COLUMNS = frozenset(
+    {"recorded_at", "stamp_s", "sense_s", "infer_s", "move_s", "ended_at", "wall_duration_s", "thinking_s"}
+)
+"""Columns of tables of steps and episodes that have no values for a blinded arm; `raw_action` is the action there."""
 
 
-def blind_episodes(connection: Connection, numbers: Iterable[int]) -> frozenset[int]:
-    """Return those of these episodes that belong to blinded arms."""
+def blind_episodes(connection: Connection, numbers: Iterable[int] | None = None) -> frozenset[int]:
+    """Return those of some episodes, by default of all, that belong to blinded arms."""
     query = (
         select(Episode.id)
         .join(Trial, Trial.id == Episode.trial_id)
         .join(Campaign, Campaign.id == Trial.campaign_id)
-        .where(Episode.id.in_(list(numbers)), CODE.is_not(None))
+        .where(CODE.is_not(None))
     )
+    if numbers is not None:
+        query = query.where(Episode.id.in_(list(numbers)))
     return frozenset(connection.scalars(query))
 
 

@@ -15,9 +15,9 @@ from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.annotations import tags_of
 from vsnbench.results.goals import goal_of_trial, with_goals
 from vsnbench.results.reading.blinding import (
-    ENDED_AT,
     CAMPAIGN_KEY,
     CAMPAIGN_NAME,
+    ENDED_AT,
     MODEL_NAME,
     blind_episodes,
     hide_details,

@@ -56,18 +56,22 @@ def schema_state(engine: Engine) -> SchemaState:
 
 
 @contextmanager
-def open_record(url: str) -> Iterator[Engine]:
+def open_record(url: str, *, reads_copy: bool = True) -> Iterator[Engine]:
     """Open an existing record for reading, and close it at the end of the block.
 
     A file with an older schema stays as it is: an upgraded copy is read, which exists until the end of the block.
 
+    Args:
+        url: the database.
+        reads_copy: False for commands that write to the record afterwards: they refuse a file with an older schema.
+
     Raises:
         UsageError: the URL is invalid.
-        RecordError: no record exists, its schema is newer, or a server's database has an older one.
+        RecordError: no record exists, its schema is newer, or it has an older one and no copy of it is read.
     """
     with contextlib.ExitStack() as stack:
         engine = stack.enter_context(opened_engine(url, read_only=True))
-        if _is_older_file(engine):
+        if reads_copy and _is_older_file(engine):
             engine = stack.enter_context(_upgraded_copy(url))
         _check_readable(engine)
         yield engine

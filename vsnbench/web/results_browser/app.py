@@ -24,6 +24,7 @@ from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.video.episodes import write_video
@@ -161,6 +162,8 @@ class BrowserApp:
         return JSONResponse({"saved": True})
 
     def _write_annotation(self, numbers: list[int], annotation: Annotation) -> None:
+        with open_record(self._results.database_url, reads_copy=False):
+            pass  # the page of an older record shows a copy
         with closing(Journal.open(self._results.database_url)) as journal:
             journal.annotate(numbers, annotation, author=self._operator)
 
