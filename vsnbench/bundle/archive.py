@@ -117,7 +117,7 @@ def _unpacked(path: Path, into: Path) -> OpenBundle:
             f"the disk of {into} has {free / 1e9:.1f} GB left, and the bundle needs {size / 1e9:.1f} GB",
             advice="free some space, or unpack it elsewhere and name its directory",
         )
-    with path.open("rb") as file:
+    with path.open("rb", buffering=0) as file:  # a buffer would be filled again for every header
         first, content = first_file(file, _LONGEST_FORMAT_BYTES)
         if first != FORMAT_FILE:
             raise _not_a_bundle(path)
