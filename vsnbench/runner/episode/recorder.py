@@ -199,7 +199,7 @@ class EpisodeRecorderFanOut:
         self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
 
     def _note_clock_change(self) -> None:
-        """Record a change of the computer's clock during the episode, which puts its dates out of order or leaves a gap."""
+        """Record that the computer's clock was set: dates of the episode are out of order or have a gap."""
         change_s = self._began.change_until_s(ClockReading())
         if abs(change_s) < _CLOCK_CHANGE_S:
             return
