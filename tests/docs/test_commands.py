@@ -142,6 +142,7 @@ def ros(tmp_path: Path) -> Iterator[RosNetwork]:
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.timeout(900)
+@pytest.mark.long
 def test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals(ros: RosNetwork, tmp_path: Path) -> None:
     on_it = {name: ros.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR")}
     shell = Shell(tmp_path, on_it)
