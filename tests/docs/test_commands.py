@@ -73,6 +73,8 @@ def run_here(page: Path) -> list[str]:
     ]
 
 
+LONG_PAGES = frozenset({"bundle.md", "export.md"})
+"""Pages whose commands take minutes, and which other tests run as well."""
 TYPED = [page for page in PAGES if run_here(page)]
 
 
@@ -107,7 +109,10 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("page", TYPED, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.name, marks=[pytest.mark.long] * (page.name in LONG_PAGES)) for page in TYPED],
+)
 def test_the_commands_of_a_page_succeed_in_order(page: Path, machine: dict[str, str], tmp_path: Path) -> None:
     shell = Shell(tmp_path, machine)
     if page.name in BEFORE:
