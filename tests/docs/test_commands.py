@@ -73,6 +73,8 @@ def run_here(page: Path) -> list[str]:
     ]
 
 
+LONG_PAGES = frozenset({"bundle.md", "export.md"})
+"""Pages whose commands take minutes, and which other tests run as well."""
 TYPED = [page for page in PAGES if run_here(page)]
 
 
@@ -107,7 +109,10 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("page", TYPED, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.name, marks=[pytest.mark.long] * (page.name in LONG_PAGES)) for page in TYPED],
+)
 def test_the_commands_of_a_page_succeed_in_order(page: Path, machine: dict[str, str], tmp_path: Path) -> None:
     shell = Shell(tmp_path, machine)
     if page.name in BEFORE:
@@ -142,6 +147,7 @@ def ros(tmp_path: Path) -> Iterator[RosNetwork]:
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.timeout(900)
+@pytest.mark.long
 def test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals(ros: RosNetwork, tmp_path: Path) -> None:
     on_it = {name: ros.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME", "ROS_LOG_DIR")}
     shell = Shell(tmp_path, on_it)

@@ -30,6 +30,7 @@ def test_a_profile_is_corrected_over_ros1(network: RosNetwork, tmp_path: Path, t
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize("what", calibrating.REFUSED)
+@pytest.mark.long
 def test_a_failed_measurement_over_ros1_is_an_error_of_one_line(network: RosNetwork, tmp_path: Path, what: str) -> None:
     calibrating.is_refused_in_one_line(network.environment, tmp_path, "ros1", what)
 

@@ -254,6 +254,7 @@ def test_a_server_like_upstreams_is_compared_with_the_odometry(rig) -> None:
         like_upstream.end()
 
 
+@pytest.mark.long
 def test_a_master_that_dies_does_not_end_an_episode_but_the_next_one_cannot_begin(rig) -> None:
     rig.network.roscore.signal(signal.SIGKILL)
     rig.network.roscore.wait()

@@ -14,6 +14,7 @@ ATTEMPTS = 4
 """On a machine with other work the odometry may fall silent for a second, and the episode ends for that reason."""
 
 
+@pytest.mark.long
 def test_a_faulty_camera_ends_the_episode_with_its_reason(tmp_path: Path) -> None:
     unnoticed = dict(ENDINGS)
     with live_network(tmp_path) as network:

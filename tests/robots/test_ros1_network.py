@@ -34,6 +34,7 @@ def refusal(rig: Rig) -> ClientError:
     return refused.value
 
 
+@pytest.mark.long
 def test_a_robot_that_is_carried_repeatedly_never_loses_its_first_action(rig) -> None:
     """This base resets its odometry as a Kobuki does: heading and position, some time after the request."""
     for _ in range(4):
@@ -112,6 +113,7 @@ def test_a_second_server_of_another_name_is_refused_and_names_the_first(rig) -> 
     assert second.output.count("\n") == 1
 
 
+@pytest.mark.long
 def test_two_bases_on_one_network_are_named(rig) -> None:
     rig.client("begin")
     second = rig.network.start(HERE / "nodes" / "kinematic_base.py", "__name:=second_base", "_heading_deg:=100")

@@ -108,7 +108,7 @@ JUDGED = "join episode on episode.id = episode_id where state = 'judged'"
 ACTIONS = f"select action from step {JUDGED} order by episode_id, number"
 
 
-@pytest.mark.parametrize("robot", ["turtlebot2", "lola2"])
+@pytest.mark.parametrize("robot", ["turtlebot2", pytest.param("lola2", marks=pytest.mark.long)])
 def test_the_stack_in_three_processes_acts_as_the_simulation(tmp_path, robot) -> None:
     """`vsnbench robots simulate`, `vsnbench robots serve` and `vsnbench run`, on a real master in real time."""
     with live_network(tmp_path) as network:

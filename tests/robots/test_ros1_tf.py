@@ -61,6 +61,7 @@ def test_a_base_is_driven_by_the_odometry_of_its_frames(connected) -> None:
         probe.close()
 
 
+@pytest.mark.long
 def test_doctor_sees_the_odometry_of_frames_follow_a_turn(connected) -> None:
     code, output = doctor(*connected, "--move")
     assert code == 0, output
@@ -68,6 +69,7 @@ def test_doctor_sees_the_odometry_of_frames_follow_a_turn(connected) -> None:
     assert "the odometry turned +30" in output
 
 
+@pytest.mark.long
 def test_frames_that_do_not_connect_are_named_by_doctor_and_by_a_session(tmp_path) -> None:
     with live_tf_robot(tmp_path, "_fixed:=false") as (network, profile):
         code, output = doctor(network, profile)

@@ -287,6 +287,7 @@ def test_without_a_master_the_node_ends_with_one_line(tmp_path, uri, says) -> No
     assert server.output.count("\n") == 1
 
 
+@pytest.mark.long
 def test_a_base_with_noise_at_rest_moves_accurately(tmp_path) -> None:
     with live_network(tmp_path) as network:
         base = network.start(BASE, "_noise_deg:=0.05", "_noise_m:=0.002")

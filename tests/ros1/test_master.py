@@ -2,7 +2,8 @@
 
 import pytest
 
-from vsnbench.ros1.master import Master, MasterError
+from tests.ros1.network import HERE, wait_until
+from vsnbench.ros1.master import Master, MasterError, call_xmlrpc
 
 
 def test_an_unset_address_is_named(monkeypatch) -> None:
@@ -29,3 +30,13 @@ def test_a_live_master_reports_its_registrations(network) -> None:
     assert network.master.pid() == network.roscore.popen.pid
     assert network.master.live_node("/rosout") is None
     assert network.master.state().services == {}
+
+
+@pytest.mark.ros
+def test_a_killed_node_whose_port_another_process_has_is_not_alive(network) -> None:
+    network.start(HERE / "nodes" / "listener.py", "/anything", "__name:=listener")
+    wait_until(lambda: network.master.live_node("/listener"), "the listener is up")
+    uri = network.master.live_node("/listener")
+    call_xmlrpc(network.master.uri, "registerPublisher", "/killed", "/cmd_vel", "geometry_msgs/Twist", uri)
+    assert network.master.ask("lookupNode", "/killed") == uri
+    assert network.master.live_node("/killed") is None

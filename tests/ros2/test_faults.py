@@ -146,7 +146,8 @@ def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
     assert is_at(rig.robot, stood_at)
     assert stood_s < STOPS_WITHIN_S
     says = "the control loop paused" if rig.node is None else "the caller has disconnected"
-    assert says in result["failure"]
+    # DDS can deliver nothing to a resumed process for two seconds.
+    assert says in result["failure"] or "no odometry" in result["failure"]
 
 
 @pytest.mark.parametrize("shared_rig", ["next to the base"], indirect=True)  # only this rig has a server to kill

@@ -23,6 +23,7 @@ from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint
 from vsnbench.simulator.generated_sites.generate import SEEDS, Split
 
+pytestmark = pytest.mark.long
 RUN = Path(__file__).with_name("run_tiny.py")
 ROOT = RUN.parent.parent.parent
 DEADLINE_S = 240.0

@@ -158,7 +158,8 @@ class Robot(ABC):
     def interrupted_motion(self) -> MotionResult | None:
         """Return what was measured since `execute` or `drive` after the last `observe`; None if it is not known.
 
-        Called after `halt`, if a request to stop has interrupted the motion. The result is not completed.
+        Called after `halt`, if a request to stop has interrupted the motion. The result is not completed;
+        it is `NOT_BEGUN` if the motion had not begun.
         """
         return None
 

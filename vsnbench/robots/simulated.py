@@ -29,7 +29,7 @@ from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
-from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.values.pose import Pose, wrap_angle
@@ -230,7 +230,7 @@ class SimulatedRobot(Robot):
         """Return the odometry's motion since the movement after the last observation began."""
         motion = self._motion
         if motion is None:
-            return None
+            return NOT_BEGUN
         if self._mover is not None and motion.path_m is not None:
             motion.path_m = self._mover.path_m
         result = self._result(None, motion.start, motion.start_s, None)

@@ -126,13 +126,19 @@ class Master:
         return str(self.ask("lookupService", name))
 
     def live_node(self, name: str) -> str | None:
-        """Return the URI of a node, or None if it is not registered or does not answer."""
+        """Return the URI of a node, or None if it is not registered or does not answer.
+
+        The master keeps the registration of a killed node, and another process may have its port now: it is the node
+        only if it publishes what the master has of it.
+        """
         try:
             uri = str(self.ask("lookupNode", name))
-            call_xmlrpc(uri, "getPid", self.caller, timeout_s=self.timeout_s)
-        except (LookupError, OSError):
+            found = call_xmlrpc(uri, "getPublications", self.caller, timeout_s=self.timeout_s)
+            topics = {str(topic) for topic, *_ in found}
+        except (LookupError, OSError, TypeError, ValueError):
             return None
-        return uri
+        registered = {topic for topic, nodes in self.state().publishers.items() if name in nodes}
+        return uri if registered <= topics else None
 
     def wait(self, patience_s: float, pause_s: float = 0.25) -> None:
         """Wait until the master answers.

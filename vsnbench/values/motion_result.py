@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 from vsnbench.values.pose import Pose
 
@@ -43,3 +44,7 @@ class MotionResult:
     """Why the guard ended the movement before its end, or an empty string; such a movement is not completed."""
     sensor_lost: bool = False
     """Whether the motion failed because of a sensor with missing or invalid data, not because of the base."""
+
+
+NOT_BEGUN: Final = MotionResult(completed=False)
+"""Of a motion that a request to stop ended before it began."""

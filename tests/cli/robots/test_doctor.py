@@ -84,7 +84,7 @@ def test_a_healthy_robot_is_ready_and_its_odometry_follows_its_wheels(patient) -
     ("part", "word", "what", "health", "says"),
     [
         ("camera", "silent", "/camera/color/image_raw", "failed", "silent for"),
-        ("camera", "blind", "/camera/depth/image_raw", "failed", "silent for"),
+        pytest.param("camera", "blind", "/camera/depth/image_raw", "failed", "silent for", marks=pytest.mark.long),
         ("camera", "small", "depth image", "failed", "32x24; the profile has 64x48"),
         ("camera", "yuv", "colour image", "failed", "'yuv422'"),
         ("camera", "past", "delay", "failed", "too late for every observation"),
@@ -101,6 +101,7 @@ def test_a_broken_part_is_named_with_what_to_do(patient, part, word, what, healt
 
 
 @pytest.mark.ros
+@pytest.mark.long
 def test_wheels_that_turn_for_nothing_are_noticed_when_they_may_move(patient) -> None:
     patient.probe.tell("/base/fault", "stuck")
     code, found = patient.findings("--move")
@@ -129,6 +130,7 @@ def test_a_profile_that_names_another_topic_or_type_is_noticed(patient, tmp_path
 
 
 @pytest.mark.ros
+@pytest.mark.long
 def test_a_server_that_steers_another_topic_is_not_ready(tmp_path) -> None:
     with live_network(tmp_path) as network:
         network.start(HERE / "nodes" / "kinematic_base.py")

@@ -26,6 +26,7 @@ from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.simulator.dynamics.physics import Physics
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.motion_result import NOT_BEGUN
 from vsnbench.values.movement import ActionKind, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
@@ -162,3 +163,17 @@ def test_a_robot_that_cannot_tell_its_motion_is_recorded_where_it_is(tmp_path: P
     assert step.result is not None
     assert step.result.displacement_m != step.result.displacement_m, "unknown"
     assert step.result.failure == "the process was ended by SIGTERM"
+
+
+def test_a_motion_that_had_not_begun_is_no_step_whatever_the_odometry_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(_action: Action) -> Any:
+        robot.place = Pose(robot.place.x_m + 0.0001, robot.place.y_m, robot.place.heading_rad)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    robot = StandInRobot(on_execute=stopped)
+    monkeypatch.setattr(StandInRobot, "interrupted_motion", lambda _: NOT_BEGUN, raising=False)
+    run_until_stopped(robot, Drives(Action.MOVE_FORWARD), tmp_path, plan_of(robot))
+    findings, episode, steps = read(tmp_path)
+    assert (findings, episode.actions, steps) == ([], 0, [])

@@ -169,13 +169,14 @@ def check(
     """
     from vsnbench.models.description import describe_model
     from vsnbench.models.fit.camera import camera_differences
+    from vsnbench.models.names import is_address
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
     from vsnbench.robots.registry import profile_of
     from vsnbench.runner.setup.trial_setup import warn_of_assumptions
 
     parameters, profile = load_protocol(protocol), profile_of(robot)
-    if name.startswith(("ws://", "wss://")):
+    if is_address(name):
         from vsnbench.models.remote.checking import check_server
 
         print_findings(check_server(name, model_config, parameters, profile), as_json=as_json)

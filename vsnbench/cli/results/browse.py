@@ -29,8 +29,8 @@ def command(
 
     end_asked = EndAsked()
     with (
-        end_asked.listening(),
         open_results(results, db) as (place, engine),
+        end_asked.listening(),
         closing(BrowserApp(place, engine)) as app,
     ):
         key = SessionKey.stored(f"browse {place.path.resolve()} {port}")

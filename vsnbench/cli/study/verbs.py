@@ -137,8 +137,10 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
 
 def _arm_name(model: str) -> str:
     """Return the name of an arm: the class of `package.module:Class`, or the host of an address."""
+    from vsnbench.models.names import is_address
+
     last = model.rsplit("/", 1)[-1].rsplit(":", 1)
-    text = last[0] if model.startswith(("ws://", "wss://")) else last[-1]
+    text = last[0] if is_address(model) else last[-1]
     return "".join(mark if mark.isalnum() or mark in "_.-" else "-" for mark in text)
 
 

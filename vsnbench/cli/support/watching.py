@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from vsnbench.errors import ExitCode, UsageError
 from vsnbench.files.temporary import ScratchDirectory
+from vsnbench.models.names import is_address
 from vsnbench.results.files.directory import TEMPORARY_RESULTS
 from vsnbench.runtime.signals import EndAsked
 from vsnbench.text.terminal import Console
@@ -42,7 +43,7 @@ def run_and_watch(
     """
     if not robot.startswith("simulated"):
         raise UsageError(f"--watch with --robot {robot}", advice="only a simulated robot may start without an operator")
-    is_class = len(models) == 1 and ":" in models[0] and not models[0].startswith(("ws://", "wss://"))
+    is_class = len(models) == 1 and ":" in models[0] and not is_address(models[0])
     if not is_class or workers.startswith("ray://"):
         raise UsageError("--watch runs one class on this machine", advice="give --model package.module:Class")
     if results is not None or database is not None:

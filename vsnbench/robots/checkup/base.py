@@ -2,6 +2,7 @@
 
 import math
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -26,6 +27,8 @@ from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
 
 LISTEN_S = 2.0
+_LISTEN_ON_S = 3.0
+"""Additional time for the first two messages of a sensor, which may be slow, or lost by a busy network."""
 DOCTOR = "vsnbench_doctor"
 """Name of the node of a check-up."""
 _TURN_DEG = 30
@@ -213,7 +216,7 @@ class RosCheckup(ABC):
         """Return the nodes that may run on other machines."""
 
     def listen(self, listener: TopicListener) -> None:
-        """Receive messages for LISTEN_S.
+        """Receive messages for LISTEN_S, and until two of each sensor are there, if it has a publisher.
 
         Raises:
             RobotError: the odometry is from TF, and the type of its messages is not installed.
@@ -221,6 +224,10 @@ class RosCheckup(ABC):
         if self.names.tf:
             self._tf = listener.follow_odometry(self.names, self.transforms.take)
         self.messages = listener.listen(LISTEN_S)
+        published = [topic for topic in self._rates if topic in self.messages and self._publishers(topic)]
+        until_s = time.monotonic() + _LISTEN_ON_S
+        while time.monotonic() < until_s and any(len(self.messages[topic].arrivals) < 2 for topic in published):
+            time.sleep(0.1)
         if self.names.tf:
             self.messages[self.names.odometry_topic] = self.transforms.messages
 
@@ -234,11 +241,15 @@ class RosCheckup(ABC):
         tf_topic = self.names.odometry_topic if self.names.tf else ""
         return {topic: kind for topic, kind in self.topics.items() if topic != tf_topic}
 
-    def _topic_results(self) -> Iterator[CheckResult]:
+    @property
+    def _rates(self) -> dict[str, float]:
+        """The rates of the sensors' topics in the profile, Hz."""
         names = self.names
         rates = {names.odometry_topic: self.profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
-        if names.depth:
-            rates[names.depth] = names.camera_rate_hz
+        return rates | ({names.depth: names.camera_rate_hz} if names.depth else {})
+
+    def _topic_results(self) -> Iterator[CheckResult]:
+        names, rates = self.names, self._rates
         for topic, kind in self.topics.items():
             bad, messages = Health.FAILED if topic in rates else Health.WARNING, self.messages[topic]
             if not self._publishers(topic):
@@ -252,7 +263,7 @@ class RosCheckup(ABC):
             elif messages.arrivals:
                 yield CheckResult(topic, Health.OK, kind)
             else:
-                seen = f"{self._described(topic, kind)}, silent for {LISTEN_S:g} s"
+                seen = f"{self._described(topic, kind)}, silent for {LISTEN_S + _LISTEN_ON_S:g} s"
                 yield CheckResult(topic, bad, seen, self._silent_advice(topic))
 
     def _hazard_results(self) -> Iterator[CheckResult]:

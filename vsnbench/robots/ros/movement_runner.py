@@ -16,7 +16,7 @@ from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, 
 from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
-from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 
@@ -132,14 +132,14 @@ class MovementRunner:
             sensor_lost=sensor_lost,
         )
 
-    def interrupted(self) -> MotionResult | None:
-        """Return the motion since `before`, which an exception ended; None if it did not begin. Called after `halt`.
+    def interrupted(self) -> MotionResult:
+        """Return the motion since `before`, which an exception ended. Called after `halt`.
 
         Raises:
             SensorLostError: the odometry is old.
         """
         if self.before is None:
-            return None
+            return NOT_BEGUN
         after = self.relative(self.fresh())
         return MotionResult(
             completed=False,

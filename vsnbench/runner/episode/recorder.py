@@ -199,13 +199,14 @@ class EpisodeRecorderFanOut:
         self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
 
     def _note_clock_change(self) -> None:
-        """Record a change of the computer's clock during the episode, because its timestamps may be out of order."""
+        """Record that the computer's clock was set: dates of the episode are out of order or have a gap."""
         change_s = self._began.change_until_s(ClockReading())
         if abs(change_s) < _CLOCK_CHANGE_S:
             return
         direction = "back" if change_s < 0 else "forward"
         words = f"the computer's clock was set {direction} by {abs(change_s):.0f} s during this episode"
-        logger.warning("episode %d: %s; its recorded dates are not in order", self._claim.id, words)
+        effect = "are not in order" if change_s < 0 else "have a gap"
+        logger.warning("episode %d: %s; its recorded dates %s", self._claim.id, words, effect)
         self.event(CLOCK_SET, words)
 
     def close(self) -> None:

@@ -23,7 +23,7 @@ from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.fix import Fix
-from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
 from vsnbench.values.movement import Pixel
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.step import StepTimings
@@ -150,7 +150,7 @@ class Stepper:
             result, after = self._robot.interrupted_motion(), self._robot.locate()
         except RobotError:
             return None
-        if result is None and after.pose == before.pose:
+        if result == NOT_BEGUN or (result is None and after.pose == before.pose):
             return None
         if result is None:
             unknown, duration_s = math.nan, time.perf_counter() - began_s

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Self
 
 from vsnbench.errors import UsageError
+from vsnbench.models.names import is_address
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.messages import Prepared
 from vsnbench.runner.executors.ray_connection import ClusterAddress
@@ -176,7 +177,7 @@ def worker_request(
     Raises:
         UsageError: several workers were requested for a single robot, model or viewer.
     """
-    single, is_served = "", spec.model.startswith(("ws://", "wss://"))
+    single, is_served = "", is_address(spec.model)
     if not is_simulated(spec.robot):
         single = f"robot {spec.robot} is a single robot; only vsnbench's simulated robots can run in several workers"
     elif spec.rehearsal:

@@ -45,8 +45,9 @@ class PackedFile:
         directory = private_temporary_directory()
         if directory is None:
             raise UsageError(
-                f"{tempfile.gettempdir()}/vsnbench-{os.getuid()} does not belong to this user alone",
-                advice="remove it on that node, or set TMPDIR there to a directory that only this user can enter",
+                f"{tempfile.gettempdir()}/vsnbench-{os.getuid()} cannot be used: it cannot be written to, or others "
+                "can enter it",
+                advice="set TMPDIR on that node to a directory that only this user can enter",
                 code="foreign-directory",
             )
         path = directory / "shipped" / hashlib.sha256(self.content).hexdigest() / self.name
