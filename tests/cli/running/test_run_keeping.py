@@ -114,7 +114,6 @@ def test_a_run_says_what_it_keeps(
     ("words", "reason"),
     [
         (("--keep", "some"), "all, images, none"),
-        (("--keep", "lean"), "use --keep images"),
         (("--keep", "images", "--live"), "--live"),
     ],
 )
