@@ -95,7 +95,7 @@ def slow(listener: Listener) -> None:
         (of_another_type, "failed", "geometry_msgs/msg/Pose"),
         (sent_by_two, "failed", "/a and /b"),
         (defined_differently, "warning", "/driver"),
-        (silent, "failed", "silent for 2 s"),
+        (silent, "failed", "silent for 5 s"),
         (slow, "warning", "5.0 Hz, 10 ms old; the profile has 20 Hz"),
     ],
 )
