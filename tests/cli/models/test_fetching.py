@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import vsnbench
+from vsnbench.models.checkpoints import torch_runtime
 from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
 
 CONTENT = b"weights" * 1000
@@ -115,6 +116,17 @@ def test_a_web_page_in_place_of_weights_is_refused_and_deleted(
     assert answer.code == 1
     assert f"{url}: a web page, not weights" in answer.err
     assert list(weights.iterdir()) == []
+
+
+def test_without_pytorch_weights_that_it_must_check_are_not_downloaded(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+) -> None:
+    serve_instead(tmp_path, url, "vlv-value", monkeypatch)
+    monkeypatch.setattr(torch_runtime, "torch_is_installed", lambda: False)
+    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "vlv-value")
+    assert answer.code == 1
+    assert "needs PyTorch, which is not installed" in answer.err
+    assert not weights.exists()
 
 
 def test_a_dead_link_names_the_page_of_the_authors_and_where_to_put_the_file(

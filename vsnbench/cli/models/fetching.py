@@ -118,14 +118,10 @@ def _reader(name: str, file: "PublishedFile") -> Callable[[Path], object] | None
 
         return read_checkpoint if name == "pirlnav" else partial(read_published, fine_tuned=name == "pirlnav-rl")
     if file.file_name == PUBLISHED["vlv-value"].file_name:
-        return _read_value_weights
+        from vsnbench.models.checkpoints.torch_runtime import require_torch
+
+        require_torch()  # before the download, which could not be checked
+        from vsnbench.models.vlv.value.weights import read_value_weights
+
+        return read_value_weights
     return None
-
-
-def _read_value_weights(file: Path) -> object:
-    from vsnbench.models.checkpoints.torch_runtime import require_torch
-
-    require_torch()
-    from vsnbench.models.vlv.value.weights import read_value_weights
-
-    return read_value_weights(file)

@@ -42,10 +42,8 @@ def command(
         raise UsageError(
             "nothing to add", advice="give a text, --tag or --untag, like `vsnbench note 17 --tag chair-moved`"
         )
-    with open_results(results, db, reads_copy=False) as (
-        place,
-        _,
-    ):  # refuses a missing record, which the journal would create
+    # Refuses a missing record, which the journal would create, and one that it would upgrade.
+    with open_results(results, db, reads_copy=False) as (place, _):
         provenance = gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
         journal.annotate(numbers, annotation, author=provenance.operator)

@@ -147,7 +147,6 @@ def _recorded(context: Context, limit: int | None) -> Any:
     apply_config_defaults()
     given = context.params.get("results")
     results = None if given is None else Path(given)
-    with open_record(
-        ResultsDirectory.locate(results, context.params.get("db")).database_url, reads_copy=False
-    ) as engine:
+    place = ResultsDirectory.locate(results, context.params.get("db"))
+    with open_record(place.database_url, reads_copy=False) as engine:  # a copy would take too long for a key press
         return list_episodes(engine, EpisodeFilter(), limit)

@@ -182,10 +182,9 @@ def _unfinished(results: Path) -> list[Path]:
 
 def _database(results: ResultsDirectory) -> str:
     """Return which database a list belongs to: the path relative to the results directory, or the URL."""
-    file = sqlite_path(results.database_url)
-    return (
-        redacted_url(results.database_url) if file is None else os.path.relpath(file.resolve(), results.path.resolve())
-    )
+    if (file := sqlite_path(results.database_url)) is None:
+        return redacted_url(results.database_url)
+    return os.path.relpath(file.resolve(), results.path.resolve())
 
 
 def _listed(aside: Path, database: str | None = None) -> Deletion | None:
