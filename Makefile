@@ -50,12 +50,12 @@ test-ros1: setup-test ## Run the tests that need ROS 1.
 	$(BIN)/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "ros and not long"
 
 test-ros2: setup-test ## Run the tests that need ROS 2.
-	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "ros2 and not long" tests/ros2
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "ros2 and not long" tests/ros/ros2
 
 test-long: setup-test ## Run the long tests, which make test leaves out.
 	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "long and not ros2"
 	scripts/install_ros2.sh long
-	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros2
+	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros/ros2
 
 check: setup-test ## Run linter, format check, type check and import contracts.
 	$(BIN)/ruff check .

@@ -152,7 +152,7 @@ def measure(way: str, setting: Setting, actions: int) -> dict[str, Any]:
         if ros == "ros1":
             rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
             start(sys.executable, rosmaster, "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1])
-            from vsnbench.ros1.master import Master
+            from vsnbench.ros.ros1.master import Master
 
             Master.from_environment().wait(20)
         else:
@@ -268,7 +268,7 @@ class Truth:
             return
         from nav_msgs.msg import Odometry
 
-        from vsnbench.ros2.node import SENSOR_DATA
+        from vsnbench.ros.ros2.node import SENSOR_DATA
         from vsnbench.sensing.simulation import GROUND_TRUTH
 
         topic = link.names.resolve(GROUND_TRUTH.lstrip("/"))
@@ -292,7 +292,7 @@ class Truth:
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message
 
-        from vsnbench.ros_common.messages import planar
+        from vsnbench.ros.common.messages import planar
         from vsnbench.values.pose import Pose
 
         return Pose(*planar(deserialize_message(self._newest[1], Odometry)))

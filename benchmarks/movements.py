@@ -84,7 +84,7 @@ def network_of(where: str, directory: Path, files: dict[str, Path]) -> Iterator[
     simulate = [*words, "simulate", str(files["profile"]), "--site", str(files["site"])]
     serve = [*words, "serve", str(files["profile"])]
     if where == "ros1":
-        from tests.ros1.network import live_network
+        from tests.ros.ros1.network import live_network
 
         with live_network(directory) as network:
             network.start(*simulate)
@@ -93,7 +93,7 @@ def network_of(where: str, directory: Path, files: dict[str, Path]) -> Iterator[
             yield network.environment
         return
     from tests.processes import wait_until
-    from tests.ros2.graph import live_graph
+    from tests.ros.ros2.graph import live_graph
 
     with live_graph(directory) as graph:
         graph.start(*simulate)

@@ -43,7 +43,7 @@ def main() -> None:
 
         rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
         start(sys.executable, rosmaster, "--core", "-p", str(port))
-        from vsnbench.ros1.master import Master
+        from vsnbench.ros.ros1.master import Master
 
         Master.from_environment().wait(20)
         vsnbench = [sys.executable, "-m", "vsnbench.cli.main", "robots"]
@@ -56,7 +56,7 @@ def measure(name: str, steps: int) -> str:
     """Alternate turns on the spot with observations, `steps` times; return the table."""
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros.robot import RosRobot
-    from vsnbench.ros1.interface import ros1_interface
+    from vsnbench.ros.ros1.interface import ros1_interface
     from vsnbench.sites.site import load_site
     from vsnbench.values.action import Action
 

@@ -27,7 +27,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.ros2.graph import Domain
+from tests.ros.ros2.graph import Domain
 from tests.web.blind_study import quiet_port, wait_until
 from tests.web.phone import Phone, chromium_of_phones, phone_in
 from tests.web.tcp_relay import TcpRelay
@@ -119,7 +119,7 @@ class SimulatedRobot:
         if ros == "ros1":
             import shutil
 
-            from vsnbench.ros1.master import Master
+            from vsnbench.ros.ros1.master import Master
 
             rosmaster = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster"
             self.start(rosmaster, "--core", "-p", self._master, stdout=self._sink)

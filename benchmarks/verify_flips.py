@@ -30,12 +30,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from vsnbench.bundle.archive import MANIFEST, manifest_lines, open_bundle  # noqa: E402 - found from any directory now
-from vsnbench.bundle.derived_files import STUDY_FILE, write_derived_files  # noqa: E402
 from vsnbench.errors import VsnbenchError  # noqa: E402
+from vsnbench.evidence.bundle.archive import MANIFEST, manifest_lines, open_bundle  # noqa: E402 - found from any directory now
+from vsnbench.evidence.bundle.derived_files import STUDY_FILE, write_derived_files  # noqa: E402
+from vsnbench.evidence.verification.checks import Verification  # noqa: E402
+from vsnbench.evidence.verification.verify import VerifyOptions, verify  # noqa: E402
 from vsnbench.study.lock import read_note  # noqa: E402
-from vsnbench.verification.checks import Verification  # noqa: E402
-from vsnbench.verification.verify import VerifyOptions, verify  # noqa: E402
 
 DATABASE = "results/vsnbench.db"
 

@@ -15,7 +15,7 @@ import threading
 import time
 
 from vsnbench.robots.profiles import load_profile
-from vsnbench.ros2.installation import require_ros2
+from vsnbench.ros.ros2.installation import require_ros2
 
 require_ros2()
 from geometry_msgs.msg import Twist
@@ -23,8 +23,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from vsnbench.ros2.interface import ros2_interface
-from vsnbench.ros2.node import LATCHED, RELIABLE, SENSOR_DATA, Ros2Node
+from vsnbench.ros.ros2.interface import ros2_interface
+from vsnbench.ros.ros2.node import LATCHED, RELIABLE, SENSOR_DATA, Ros2Node
 from vsnbench.sensing.simulation import ACCOUNT, GROUND_TRUTH, PLACE
 
 profile, delay_s, jitter_s, server = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]

@@ -19,8 +19,8 @@ def listen(kind: str, profile_name: str) -> None:
 
     profile = load_profile(profile_name)
     if kind == "ros1":
-        from vsnbench.ros1.installation import require_ros1
-        from vsnbench.ros1.interface import ros1_interface
+        from vsnbench.ros.ros1.installation import require_ros1
+        from vsnbench.ros.ros1.interface import ros1_interface
 
         require_ros1()
         import rospy
@@ -33,7 +33,7 @@ def listen(kind: str, profile_name: str) -> None:
         rospy.Subscriber(names.odometry, Odometry, speedometer.print_speed, queue_size=100, tcp_nodelay=True)
         rospy.spin()
         return
-    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.installation import require_ros2
 
     require_ros2()
     import rclpy
@@ -41,7 +41,7 @@ def listen(kind: str, profile_name: str) -> None:
     from nav_msgs.msg import Odometry
     from rclpy.qos import qos_profile_sensor_data
 
-    from vsnbench.ros2.interface import TWIST_STAMPED, ros2_interface
+    from vsnbench.ros.ros2.interface import TWIST_STAMPED, ros2_interface
 
     names, speedometer = ros2_interface(profile), Speedometer()
     rclpy.init()

@@ -24,14 +24,14 @@ from tests.docs.pages import (
 from tests.docs.reading import TIME_LIMIT_S, Shell
 from tests.docs.warm import warm_vsnbench
 from tests.docs.worlds import BEFORE
-from tests.ros1.network import RosNetwork, live_network
+from tests.ros.ros1.network import RosNetwork, live_network
 
 NOT_RUN = {
     "a robot": "a base, a camera and an operator",
     "a robot on ROS 1": "runs below against a simulated robot, if ROS 1 is installed",
     "ROS 1": "runs below, in four terminals, if ROS 1 is installed",
-    "a robot on ROS 2": "tests/ros2 runs the same commands against a simulated robot",
-    "ROS 2": "its packages must not share an environment with the tests; tests/ros2 runs the rehearsal",
+    "a robot on ROS 2": "tests/ros/ros2 runs the same commands against a simulated robot",
+    "ROS 2": "its packages must not share an environment with the tests; tests/ros/ros2 runs the rehearsal",
     "the robot's computer": "drivers of base and camera",
     "a cluster": "tests/runner/executors runs trials on a local Ray cluster",
     "a bare machine": "installs hundreds of megabytes; `make test` begins with `make setup`",

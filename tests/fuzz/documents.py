@@ -129,7 +129,7 @@ class BundleTarget:
         self.good = self.path.read_bytes()
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.bundle.archive import open_bundle
+        from vsnbench.evidence.bundle.archive import open_bundle
         from vsnbench.files.temporary import ScratchDirectory
 
         self.path.write_bytes(self.good if index is None else mutations.bytes_of(rng, self.good))

@@ -12,7 +12,7 @@ from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium_page, one_chromium
 from tests.report.records import Attempt, Lab, step, void
 from tests.report.test_forms import HOSTILE
-from tests.ros1.network import wait_until
+from tests.ros.ros1.network import wait_until
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build

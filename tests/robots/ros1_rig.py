@@ -12,7 +12,7 @@ from typing import Any
 from tests.robots.client import Client, can
 from tests.robots.fault_table import WITH_DOCTOR, Attempt, FaultRow, FaultTable, complaints, doctor_text
 from tests.robots.faulty_rig import FaultyRig
-from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
+from tests.ros.ros1.network import HERE, PYTHON_OF_ROS1, Probe, Process, RosNetwork, live_network, wait_until
 
 PROFILE = HERE / "profile_of_test_base.yaml"
 _MOVES = 0.05

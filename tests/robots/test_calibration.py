@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.robots import calibrating
-from tests.ros1.network import HERE, RosNetwork, live_network
+from tests.ros.ros1.network import HERE, RosNetwork, live_network
 from vsnbench.errors import RobotError
 from vsnbench.robots.calibration import write_corrections
 from vsnbench.robots.profiles import ANNOTATED_EXAMPLE, embedded_profiles, load_profile

@@ -12,8 +12,8 @@ from vsnbench.robots.checkup.ros1 import Ros1Checkup
 from vsnbench.robots.checkup.ros2 import Ros2Checkup, stored_watchdog_result
 from vsnbench.robots.profiles import embedded_profiles, load_profile
 from vsnbench.robots.ros.watchdog import watchdog_advice
-from vsnbench.ros2.docking import Dock
-from vsnbench.ros2.interface import ros2_interface
+from vsnbench.ros.ros2.docking import Dock
+from vsnbench.ros.ros2.interface import ros2_interface
 from vsnbench.values.robot_profile import RobotProfile
 
 TURTLEBOT2, TURTLEBOT4 = (embedded_profiles()[name].read_text() for name in ("turtlebot2", "turtlebot4"))

@@ -8,8 +8,8 @@ import pytest
 from tests.robots.profile_text import parse_profile
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile, profile_path
-from vsnbench.ros1.interface import ros1_interface
-from vsnbench.ros2.interface import ros2_interface
+from vsnbench.ros.ros1.interface import ros1_interface
+from vsnbench.ros.ros2.interface import ros2_interface
 from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 
 TURTLEBOT4 = embedded_profiles()["turtlebot4"].read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.robots.blind_camera import BENCHMARK, ENDINGS
-from tests.ros1.network import live_network
+from tests.ros.ros1.network import live_network
 
 pytestmark = pytest.mark.ros
 

@@ -11,7 +11,7 @@ from tests.robots.drives import FAULTS, FAULTS_IN_FLIGHT, FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
 from tests.robots.faulty_rig import STOPS_WITHIN_S, Ending
 from tests.robots.ros1_rig import Rig, live_rig
-from tests.ros1.network import HERE, wait_until
+from tests.ros.ros1.network import HERE, wait_until
 
 pytestmark = pytest.mark.ros
 CAMERA_SILENT_S = 1.0

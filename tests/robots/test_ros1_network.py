@@ -7,7 +7,7 @@ import pytest
 
 from tests.robots.client import ClientError, can
 from tests.robots.ros1_rig import PROFILE, Rig, live_rig
-from tests.ros1.network import HERE, PATIENCE_S, wait_until
+from tests.ros.ros1.network import HERE, PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.ros
 

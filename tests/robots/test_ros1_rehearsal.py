@@ -4,7 +4,7 @@ import sqlite3
 
 import pytest
 
-from tests.ros1.network import live_network, wait_until
+from tests.ros.ros1.network import live_network, wait_until
 from tests.web.ros_operator import NAME, rehearse, written_profile
 
 pytestmark = pytest.mark.ros

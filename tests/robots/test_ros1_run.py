@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from tests.ros.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
 from vsnbench.sites.site import embedded_sites
 
 pytestmark = pytest.mark.ros

@@ -15,7 +15,7 @@ from vsnbench.files.atomic import write_atomic
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_differences
 from vsnbench.robots.ros.link import connect
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
 from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
 from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, rectifier_of

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.ros.interface_kinds import KnownInterface
-from vsnbench.ros2.interface import in_namespace
+from vsnbench.ros.ros2.interface import in_namespace
 from vsnbench.settings.yaml_file import SettingsFault, read_settings, settings_faults
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 

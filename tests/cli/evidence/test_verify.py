@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import vsnbench
-from tests.verification.conftest import RUN, change
-from vsnbench.bundle.archive import open_bundle
+from tests.evidence.verification.conftest import RUN, change
+from vsnbench.evidence.bundle.archive import open_bundle
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
+from tests.ros.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
 from vsnbench import __version__
 
 PROFILE = HERE / "profile_of_test_base.yaml"

@@ -9,7 +9,7 @@ import pytest
 
 from tests.robots.client import Client
 from tests.robots.ros1_rig import PROFILE, start_server
-from tests.ros1.network import HERE, PYTHON_OF_ROS1, Probe, RosNetwork, live_network, wait_until
+from tests.ros.ros1.network import HERE, PYTHON_OF_ROS1, Probe, RosNetwork, live_network, wait_until
 
 pytestmark = pytest.mark.ros
 

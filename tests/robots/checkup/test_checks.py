@@ -8,7 +8,7 @@ from vsnbench.robots.checkup.checks import clock_results, rate_result, turn_resu
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.image_timing import rate_needed_hz
-from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.sensing.topic_monitor import TopicMessages
 
 NAMES = ros1_interface(load_profile("turtlebot2"))

@@ -12,7 +12,7 @@ from vsnbench.robots.checkup.odometry import frames_result, odometry_results
 from vsnbench.robots.checkup.profile import implausible_values
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.interface_kinds import interface_of
-from vsnbench.ros_common.interface import OdometryFrames
+from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from tests.ros2.wire import TWIST, Wire, base, qos
+from tests.ros.ros2.wire import TWIST, Wire, base, qos
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.checkup.ros2 import Ros2Checkup, graph_result
 from vsnbench.robots.profiles import load_profile
-from vsnbench.ros2.graph import Endpoint
-from vsnbench.ros2.interface import ros2_interface
-from vsnbench.ros2.topic_service import TopicServiceServer
+from vsnbench.ros.ros2.graph import Endpoint
+from vsnbench.ros.ros2.interface import ros2_interface
+from vsnbench.ros.ros2.topic_service import TopicServiceServer
 from vsnbench.sensing.topic_monitor import TopicMessages
 
 PROFILE = load_profile("turtlebot4")

@@ -19,17 +19,17 @@ MINIMUM_RANGE_MM = 600
 AHEAD_S = 10.0
 generation, robot = sys.argv[1:3]
 if generation == "ros2":
-    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.installation import require_ros2
 
     require_ros2()
-    from vsnbench.ros2 import simulated_robot_node
-    from vsnbench.ros2.node import run_node
+    from vsnbench.ros.ros2 import simulated_robot_node
+    from vsnbench.ros.ros2.node import run_node
 else:
-    from vsnbench.ros1.installation import require_ros1
+    from vsnbench.ros.ros1.installation import require_ros1
 
     require_ros1()
-    from vsnbench.ros1 import simulated_robot_node
-    from vsnbench.ros1.node import run_node
+    from vsnbench.ros.ros1 import simulated_robot_node
+    from vsnbench.ros.ros1.node import run_node
 
 
 class FaultyRobotNode(simulated_robot_node.SimulatedRobotNode):
@@ -88,7 +88,7 @@ def play(communication: Any) -> FaultyRobotNode:
 
 
 if generation == "ros2":
-    from vsnbench.ros2.interface import ros2_interface
+    from vsnbench.ros.ros2.interface import ros2_interface
 
     run_node("simulated_robot", ros2_interface(load_profile(robot)).root, play, f"playing {robot}")
 else:

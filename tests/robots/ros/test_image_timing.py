@@ -6,7 +6,7 @@ import pytest
 
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.image_timing import missing_images, rate_needed_hz
-from vsnbench.ros1.interface import ros1_interface
+from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 

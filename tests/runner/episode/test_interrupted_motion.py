@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from tests.runner.stand_ins import APARTMENT, NOBODY, StandInRobot
+from vsnbench.evidence.verification.judgements import check_judgements
+from vsnbench.evidence.verification.record import open_copy
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -31,8 +33,6 @@ from vsnbench.values.movement import ActionKind, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
-from vsnbench.verification.judgements import check_judgements
-from vsnbench.verification.record import open_copy
 
 PHASES: dict[str, tuple[type[Any], str, int, bool]] = {
     "before it begins": (SimulatedRobot, "execute", 2, True),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from vsnbench.bundle.selection import BundleSelection
+    from vsnbench.evidence.bundle.selection import BundleSelection
     from vsnbench.results.files.directory import ResultsDirectory
     from vsnbench.study.lock import LockNote
 
@@ -57,9 +57,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench bundle --campaign 1 --without images numbers.zip
         vsnbench bundle --study 1 --sign ~/.ssh/id_ed25519 study.zip
     """
-    from vsnbench.bundle.make import BundleRequest, make_bundle
     from vsnbench.cli.support.progress import ProgressBars
     from vsnbench.config import load_config
+    from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 
     if without not in ("", _IMAGES):
         raise UsageError(f"--without {without}: unknown value", advice=f"give {_IMAGES}", code="unknown-value")
@@ -84,8 +84,8 @@ def _selection(
     study: str, campaigns: tuple[int, ...], place: "ResultsDirectory"
 ) -> "tuple[Callable[[Connection], BundleSelection], LockNote | None]":
     """Return what selects the rows, and the lock note of a study that is given by its file."""
-    from vsnbench.bundle.selection import select_campaigns, select_study
     from vsnbench.cli.study.file import open_study
+    from vsnbench.evidence.bundle.selection import select_campaigns, select_study
     from vsnbench.study.lock import read_note
 
     if not study:

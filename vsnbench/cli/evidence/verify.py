@@ -12,7 +12,7 @@ from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
-    from vsnbench.verification.checks import Verification
+    from vsnbench.evidence.verification.checks import Verification
 
 _SHOWN = 50
 """Number of findings printed; JSON has all."""
@@ -52,13 +52,13 @@ def command(
         vsnbench verify results --against results-of-another-machine
     """
     from vsnbench.cli.support.progress import ProgressBars
-    from vsnbench.verification.verify import VerifyOptions, verify
+    from vsnbench.evidence.verification.verify import VerifyOptions, verify
 
     options = VerifyOptions(_replays(replay), signers, against)
     with ProgressBars() as progress:
         found = verify(path, progress.show, options)
     if page is not None:
-        from vsnbench.verification.page import write_page
+        from vsnbench.evidence.verification.page import write_page
 
         write_page(found, page)
     if as_json:

@@ -12,8 +12,8 @@ from vsnbench.results.reading.queries import list_episodes
 from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import counted
-from vsnbench.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.viewer.replay import read_episode
+from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 
 logger = logging.getLogger(__name__)
 _DIRECTORY = Path("videos")

@@ -113,13 +113,13 @@ def undock(robot: Robot) -> None:
         vsnbench robots undock turtlebot4
     """
     from vsnbench.robots.profiles import load_profile
-    from vsnbench.ros2.installation import require_ros2
-    from vsnbench.ros2.interface import ros2_interface
+    from vsnbench.ros.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.interface import ros2_interface
 
     names = ros2_interface(load_profile(robot))
     require_ros2()
-    from vsnbench.ros2.docking import undock as leave_dock
-    from vsnbench.ros2.node import Ros2Node
+    from vsnbench.ros.ros2.docking import undock as leave_dock
+    from vsnbench.ros.ros2.node import Ros2Node
 
     node = Ros2Node("vsnbench_undock", names.root)
     try:
@@ -152,11 +152,11 @@ def _uses_ros1(profile: "RobotProfile", ros_arguments: list[str] | None) -> bool
 def _simulate_ros1(
     profile: "RobotProfile", site: "Site", options: "SimulationOptions", ros_arguments: list[str]
 ) -> None:
-    from vsnbench.ros1.installation import require_ros1
+    from vsnbench.ros.ros1.installation import require_ros1
 
     require_ros1()
-    from vsnbench.ros1.node import run_node
-    from vsnbench.ros1.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.ros.ros1.node import run_node
+    from vsnbench.ros.ros1.simulated_robot_node import NODE, SimulatedRobotNode
     from vsnbench.sensing.simulation import PLACE
 
     run_node(
@@ -170,13 +170,13 @@ def _simulate_ros1(
 
 
 def _simulate_ros2(profile: "RobotProfile", site: "Site", options: "SimulationOptions") -> None:
-    from vsnbench.ros2.installation import require_ros2
-    from vsnbench.ros2.interface import ros2_interface
+    from vsnbench.ros.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.interface import ros2_interface
 
     names = ros2_interface(profile)
     require_ros2()
-    from vsnbench.ros2.node import run_node
-    from vsnbench.ros2.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.ros.ros2.node import run_node
+    from vsnbench.ros.ros2.simulated_robot_node import NODE, SimulatedRobotNode
 
     run_node(
         NODE,
@@ -187,25 +187,25 @@ def _simulate_ros2(profile: "RobotProfile", site: "Site", options: "SimulationOp
 
 
 def _serve_ros1(profile: "RobotProfile", config: Path | None, ros_arguments: list[str]) -> None:
-    from vsnbench.ros1.installation import require_ros1
-    from vsnbench.ros1.interface import ros1_interface
+    from vsnbench.ros.ros1.installation import require_ros1
+    from vsnbench.ros.ros1.interface import ros1_interface
 
     service = ros1_interface(profile).discrete_move
     require_ros1()
-    from vsnbench.ros1.discrete_move_node import NODE, DiscreteMoveNode
-    from vsnbench.ros1.node import run_node
+    from vsnbench.ros.ros1.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros.ros1.node import run_node
 
     run_node(NODE, ros_arguments, lambda _: DiscreteMoveNode(profile, config), f"serving {service}", serves=[service])
 
 
 def _serve_ros2(profile: "RobotProfile", config: Path | None) -> None:
-    from vsnbench.ros2.installation import require_ros2
-    from vsnbench.ros2.interface import ros2_interface
+    from vsnbench.ros.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.interface import ros2_interface
 
     names = ros2_interface(profile)
     require_ros2()
-    from vsnbench.ros2.discrete_move_node import NODE, DiscreteMoveNode
-    from vsnbench.ros2.node import run_node
+    from vsnbench.ros.ros2.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros.ros2.node import run_node
 
     run_node(
         NODE,

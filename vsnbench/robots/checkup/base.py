@@ -16,11 +16,11 @@ from vsnbench.robots.checkup.images import image_results, image_type, turned_res
 from vsnbench.robots.checkup.odometry import TfReadings, frames_result, odometry_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.image_timing import rate_needed_hz
-from vsnbench.ros_common.hazard_topics import WRONG_TYPE
-from vsnbench.ros_common.interface import RosInterface
-from vsnbench.ros_common.messages import planar
-from vsnbench.ros_common.odometry import OdometryReader
-from vsnbench.ros_common.topic_listener import TopicListener
+from vsnbench.ros.common.hazard_topics import WRONG_TYPE
+from vsnbench.ros.common.interface import RosInterface
+from vsnbench.ros.common.messages import planar
+from vsnbench.ros.common.odometry import OdometryReader
+from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.image_timing import MAX_SKEW_S, rate_needed_hz
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
 

@@ -15,7 +15,7 @@ from vsnbench.control.standstill import (
     too_noisy,
 )
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.ros_common.interface import OdometryFrames
+from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.sensing.odometry.odometry import OdometryReading, OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages

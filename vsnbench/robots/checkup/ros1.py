@@ -20,11 +20,11 @@ from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, exp
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.images import image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.ros1.graph import graph_faults, server_of
-from vsnbench.ros1.installation import missing_packages
-from vsnbench.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interface
-from vsnbench.ros1.master import Master, MasterError, SystemState
-from vsnbench.ros_common.messages import planar
+from vsnbench.ros.common.messages import planar
+from vsnbench.ros.ros1.graph import graph_faults, server_of
+from vsnbench.ros.ros1.installation import missing_packages
+from vsnbench.ros.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interface
+from vsnbench.ros.ros1.master import Master, MasterError, SystemState
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.action import Action
@@ -32,8 +32,8 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
-    from vsnbench.ros1.service_call import ServiceClient
-    from vsnbench.ros1.topic_listener import TopicListener
+    from vsnbench.ros.ros1.service_call import ServiceClient
+    from vsnbench.ros.ros1.topic_listener import TopicListener
 
 _IMAGES_S = 0.5
 """Time for images before and after a turn."""
@@ -79,8 +79,8 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return True
 
     def _receive(self) -> None:
-        from vsnbench.ros1.hazard_events import KobukiStates, subscribe_hazards
-        from vsnbench.ros1.topic_listener import TopicListener
+        from vsnbench.ros.ros1.hazard_events import KobukiStates, subscribe_hazards
+        from vsnbench.ros.ros1.topic_listener import TopicListener
 
         names = self.names
         self.listener = TopicListener(DOCTOR, self.raw_topics)
@@ -111,7 +111,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
             yield CheckResult(fault.name, Health.FAILED if fault.fatal else Health.WARNING, fault.seen, fault.advice)
 
     def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-        from vsnbench.ros1.battery import battery_in
+        from vsnbench.ros.ros1.battery import battery_in
 
         names = self.names
         if names.battery and readable[names.battery].messages:
@@ -120,7 +120,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
                 yield battery_result(battery)
 
     def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:  # noqa: ARG002
-        from vsnbench.ros1.service_call import ServiceRefusedError
+        from vsnbench.ros.ros1.service_call import ServiceRefusedError
 
         name = self.names.discrete_move
         try:
@@ -174,7 +174,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return f"check that {', '.join(self._publishers(topic))} is alive and can resolve the name of this machine"
 
     def _read(self, kind: str, data: bytes) -> Any:
-        from vsnbench.ros1.topic_listener import message_of
+        from vsnbench.ros.ros1.topic_listener import message_of
 
         return message_of(kind, data)
 
@@ -199,7 +199,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
         Raises:
             RobotError: the server does not answer.
         """
-        from vsnbench.ros1.messages import DiscreteServerRequest
+        from vsnbench.ros.ros1.messages import DiscreteServerRequest
 
         timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, MotionSettings.for_robot(self.profile)) + 12.0
         before = self._heading_rad()
@@ -216,7 +216,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     def steer(self, command: Command) -> None:
         """Command a velocity."""
-        from vsnbench.ros1.messages import twist_message
+        from vsnbench.ros.ros1.messages import twist_message
 
         self._commands.publish(twist_message(command))
 
@@ -252,8 +252,8 @@ class Ros1Checkup(RosCheckup, TurnTest):
         }
 
     def _client(self) -> ServiceClient:
-        from vsnbench.ros1.messages import DiscreteServer
-        from vsnbench.ros1.service_call import ServiceClient
+        from vsnbench.ros.ros1.messages import DiscreteServer
+        from vsnbench.ros.ros1.service_call import ServiceClient
 
         return ServiceClient(self.names.discrete_move, DiscreteServer, replace(self._master, caller=_NODE))
 

@@ -24,12 +24,12 @@ from vsnbench.robots.ros.watchdog import (
     stored_measurement,
     watchdog_advice,
 )
-from vsnbench.ros2.docking import Dock, subscribe_dock
-from vsnbench.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
-from vsnbench.ros2.installation import INSTALL, discovery, missing_packages
-from vsnbench.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
-from vsnbench.ros2.topic_service import TopicServiceClient
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
+from vsnbench.ros.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
+from vsnbench.ros.ros2.installation import INSTALL, discovery, missing_packages
+from vsnbench.ros.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros.ros2.topic_service import TopicServiceClient
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
@@ -38,7 +38,7 @@ from vsnbench.values.battery import Battery
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
-    from vsnbench.ros2.topic_listener import TopicListener
+    from vsnbench.ros.ros2.topic_listener import TopicListener
 
 _IMAGES_S = 2.0
 """Time for images before and after a turn."""
@@ -64,7 +64,7 @@ class Ros2Checkup(RosCheckup):
             return False
         distribution = os.environ.get("ROS_DISTRO", "")
         yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
-        from vsnbench.ros2.topic_listener import TopicListener
+        from vsnbench.ros.ros2.topic_listener import TopicListener
 
         try:
             self.listener = TopicListener(DOCTOR, self.names.root, self.raw_topics)
@@ -82,7 +82,7 @@ class Ros2Checkup(RosCheckup):
         return bool(self._others or any(self._publishers(topic) for topic in self.topics))
 
     def _receive(self) -> None:
-        from vsnbench.ros2.hazard_events import subscribe_hazards
+        from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 
         subscribe_dock(self.listener.node, self.names, self.dock)
         subscribe_hazards(self.listener.node, self.names, self.hazards.take)
@@ -190,12 +190,12 @@ class Ros2Checkup(RosCheckup):
         return f"check that {node} is alive; a slow network loses large images (docs/robot.md)"
 
     def _read(self, kind: str, data: bytes) -> Any:
-        from vsnbench.ros2.topic_listener import message_of
+        from vsnbench.ros.ros2.topic_listener import message_of
 
         return message_of(kind, data)
 
     def _seconds(self, stamp: Any) -> float:
-        from vsnbench.ros2.messages import seconds
+        from vsnbench.ros.ros2.messages import seconds
 
         return seconds(stamp)
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import ImageError, SensorLostError
 from vsnbench.robots.ros.image_timing import MAX_SKEW_S, missing_images, not_ahead, observation_timeout_s
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import (
     MatchedImages,
     MotionEnd,

@@ -5,7 +5,7 @@ from typing import Any
 
 from vsnbench.errors import RobotError
 from vsnbench.robots.ros.start import Patience
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import RobotProfile

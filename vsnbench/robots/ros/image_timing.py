@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vsnbench.errors import SensorLostError
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotSnapshot
 

@@ -5,9 +5,9 @@ from typing import Annotated
 from pydantic import Field
 
 from vsnbench.errors import RobotError
-from vsnbench.ros1.interface import Ros1Interface
-from vsnbench.ros2.interface import Ros2Interface
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros.common.interface import RosInterface
+from vsnbench.ros.ros1.interface import Ros1Interface
+from vsnbench.ros.ros2.interface import Ros2Interface
 from vsnbench.values.robot_profile import RobotProfile
 
 KnownInterface = Annotated[Ros1Interface | Ros2Interface, Field(discriminator="kind")]

@@ -2,7 +2,7 @@
 
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.ros.interface_kinds import interface_of
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.values.robot_identity import ROS1
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -14,15 +14,15 @@ def connect(profile: RobotProfile, parameters: ProtocolParameters) -> RobotLink:
         RobotError: the profile has no ROS interface, its ROS is not installed, or the network refuses the node.
     """
     if interface_of(profile).kind == ROS1:
-        from vsnbench.ros1.installation import require_ros1
+        from vsnbench.ros.ros1.installation import require_ros1
 
         require_ros1()
-        from vsnbench.ros1.robot_link import RobotLink as Ros1Link
+        from vsnbench.ros.ros1.robot_link import RobotLink as Ros1Link
 
         return Ros1Link(profile)
-    from vsnbench.ros2.installation import require_ros2
+    from vsnbench.ros.ros2.installation import require_ros2
 
     require_ros2()
-    from vsnbench.ros2.robot_link import RobotLink as Ros2Link
+    from vsnbench.ros.ros2.robot_link import RobotLink as Ros2Link
 
     return Ros2Link(profile, parameters)

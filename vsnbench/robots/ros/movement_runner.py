@@ -9,7 +9,7 @@ from vsnbench.errors import NoAnswerError, RobotError, SensorLostError
 from vsnbench.robots.ros.movement_watch import ODOMETRY_TIMEOUT_S, MovementWatch, no_odometry
 from vsnbench.robots.ros.path_looks import PathLooks
 from vsnbench.robots.ros.start import present
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement, displacement_m

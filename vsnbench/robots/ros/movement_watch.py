@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 
 from vsnbench.errors import SensorLostError
-from vsnbench.ros_common.interface import RosInterface
+from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.steering import rival_text

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from vsnbench.errors import ImageError
 from vsnbench.robots.contract import DrivingView, PathCheck
 from vsnbench.robots.ros.camera import RosCamera
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.images.intrinsics import CalibrationError
 from vsnbench.sensing.movement_check import MovementAlarmError

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 from vsnbench.errors import NoAnswerError, NotPlacedError, RobotError, SensorLostError
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sensing.robot_reports import RobotSnapshot

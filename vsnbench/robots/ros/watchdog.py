@@ -20,7 +20,7 @@ from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.files.home import expanded
 from vsnbench.robots.ros.interface_kinds import interface_of
-from vsnbench.ros_common.robot_link import RobotLink
+from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.values.robot_profile import RobotProfile

@@ -27,8 +27,8 @@ from vsnbench.results.reading.queries import episode_details
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
-from vsnbench.video.episodes import write_video
 from vsnbench.viewer.replay import read_episode
+from vsnbench.viewer.video.episodes import write_video
 from vsnbench.web.results_browser.data import episode_json, episodes_json, recorded_site, version_of
 from vsnbench.web.results_browser.failures import FailureKinds
 from vsnbench.web.site_editor.drawing import plan_svg

@@ -26,8 +26,8 @@ from vsnbench.results.files.images import rgb_path
 from vsnbench.results.reading.queries import episode_details
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.values.encoding.images import decode_picture
-from vsnbench.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.viewer.replay import read_episode
+from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.web.results_browser.app import ASSETS
 from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episode_json, episodes_json, site_of
 from vsnbench.web.site_editor.drawing import plan_svg

@@ -1,0 +1,49 @@
+"""A discrete_move node answers False after it was closed, and stops for another publisher."""
+
+from types import SimpleNamespace
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.control.settings import MotionSettings
+from vsnbench.robots.profiles import load_profile
+from vsnbench.ros.common.discrete_move import DiscreteMoveTask, mover_of
+from vsnbench.ros.ros1.interface import ros1_interface
+
+PROFILE = load_profile("turtlebot2")
+
+
+class Task(DiscreteMoveTask):
+    """A task that records its velocities, with a clock that passes while it sleeps."""
+
+    def __init__(self) -> None:
+        self.sent: list[Command] = []
+        self.now_s = 0.0
+        mover = mover_of(PROFILE, MotionSettings.for_robot(PROFILE), self.send, lambda: self.now_s, self.sleep_until)
+        super().__init__(ros1_interface(PROFILE), mover)
+
+    def send(self, command: Command) -> None:
+        self.sent.append(command)
+
+    def sleep_until(self, due_s: float) -> None:
+        self.now_s = due_s
+        self.take_odometry((0.0, 0.0, 0.0), due_s, "/base")
+        if self.now_s > 1.0:
+            twist = SimpleNamespace(linear=SimpleNamespace(x=0.2, y=0.0), angular=SimpleNamespace(z=0.0))
+            self.take_foreign_command(twist, "/joystick")
+
+
+def test_another_publisher_ends_a_movement_at_zero_velocity() -> None:
+    task = Task()
+    task.take_odometry((0.0, 0.0, 0.0), 0.0, "/base")
+    outcome = task.execute("Forward", 0, lambda: False)
+    assert not outcome.answer
+    assert "/joystick" in outcome.reason
+    assert task.sent[-1] == STANDSTILL
+
+
+def test_a_closed_task_commands_zero_velocity_and_answers_false() -> None:
+    task = Task()
+    task.close()
+    assert task.sent[-1] == STANDSTILL
+    sent = len(task.sent)
+    assert task.execute("Forward", 0, lambda: False).answer is False
+    assert len(task.sent) == sent

@@ -1,0 +1,79 @@
+"""`vsnbench robots simulate` and `vsnbench run` in real time: actions as in simulation, killed run."""
+
+import sqlite3
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.processes import Process, wait_until
+from tests.ros.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
+
+pytestmark = pytest.mark.ros2
+
+AT_REST_S = 5.0
+"""Without a stop, the base drives until it hits a wall; docs/robot-faults.md has the times of a stop. A process killed
+while it shares memory may delay the others by 2 s."""
+ATTEMPTS = 4
+"""On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
+JUDGED = """
+    select success, verdict.end_reason, verdict.distance_source from verdict join episode on episode.id = episode_id
+    where state = 'judged'
+"""
+
+
+def rows(results: Path, query: str) -> list[tuple]:
+    with sqlite3.connect(results / "vsnbench.db") as connection:
+        return connection.execute(query).fetchall()
+
+
+@pytest.fixture(scope="module")
+def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph2]:
+    """A graph with a TurtleBot 4 in namespace robot1, simulated in the embedded apartment."""
+    with live_graph(tmp_path_factory.mktemp("ros2"), shares_memory=True) as one:
+        robot = one.vsnbench("robots", "simulate", "turtlebot4@robot1")
+        wait_until(lambda: "simulating" in robot.output, "the robot is simulated", 150)  # after the first compilation
+        yield one
+
+
+def begin(graph: Graph2, robot: str, results: Path) -> Process:
+    words = ["run", "--robot", robot, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
+    return graph.vsnbench(*words, "--results", results)
+
+
+def run(graph: Graph2, robot: str, results: Path) -> None:
+    for _ in range(ATTEMPTS):
+        done = begin(graph, robot, results)
+        if done.wait(200) == 0 or "the same command resumes" not in done.output:
+            break
+    assert done.popen.returncode == 0, done.output
+
+
+def test_the_rehearsal_takes_the_same_actions_as_the_simulation(graph, tmp_path) -> None:
+    over_ros, simulated = tmp_path / "ros", tmp_path / "simulated"
+    run(graph, "turtlebot4@robot1", over_ros)
+    run(graph, "simulated:turtlebot4", simulated)
+    assert rows(over_ros, "select kind, simulated from robot") == [("ros2", 1)]
+    assert rows(over_ros, JUDGED) == [(1, "stop", "simulated")]
+    assert actions(over_ros) == actions(simulated)
+
+
+def test_a_killed_run_leaves_a_robot_at_rest(graph, tmp_path) -> None:
+    watch = graph.start(HERE / "nodes" / "odometry_watch.py", "/robot1/odom")
+    killed = begin(graph, "turtlebot4@robot1", tmp_path)
+    wait_until(lambda: moves(watch) or killed.popen.poll() is not None, "the robot moves", 140)
+    assert moves(watch), killed.output
+    killed.popen.kill()
+    kill_s = time.monotonic()
+    wait_until(lambda: stands_since(watch) is not None, "the robot stands")
+    stood_s = stands_since(watch) - kill_s
+    sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
+    assert stood_s < AT_REST_S
+    assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
+
+
+def actions(results: Path) -> list[tuple]:
+    judged = "join episode on episode.id = episode_id where state = 'judged'"
+    return rows(results, f"select number, action from step {judged} order by number")

@@ -1,0 +1,1 @@
+"""Evidence for others: bundles of results, and checks of recorded results."""

@@ -1,0 +1,212 @@
+"""The client's connection to a robot."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.errors import RobotError
+from vsnbench.ros.common.interface import RosInterface
+from vsnbench.ros.common.messages import moves, planar
+from vsnbench.ros.common.readiness import Readiness
+from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
+from vsnbench.sensing.simulation import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
+from vsnbench.sensing.steering import ZeroHold
+from vsnbench.values.movement import Drive
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
+
+Found = TypeVar("Found")
+_COLOR_FRAMES = 6
+"""Number of colour images that a snapshot holds."""
+_LAST_MESSAGES_S = 0.05
+"""Time in which the threads of the middleware send the last message."""
+
+
+class RobotLink(ABC):
+    """Subscriptions to a robot's topics, and the commands that a client sends; one per process.
+
+    The threads of the middleware write to `RobotReports`.
+
+    Attributes:
+        kind: `ros1` or `ros2`, the kind of the robot's identity.
+        profile: profile of the robot.
+        names: interface of the profile, with full names of topics.
+        image_turns: number of clockwise quarter turns that set an image upright.
+        reports_lifting: whether the base has a topic that reports lifted wheels.
+    """
+
+    kind: str
+    image_turns = 0
+    reports_lifting = False
+    names: RosInterface
+    _readiness: Readiness
+
+    def __init__(self, profile: RobotProfile) -> None:
+        self.profile = profile
+        self._reports = RobotReports(profile)
+        self._hold = ZeroHold(self.stand_still)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._hold.release()
+        time.sleep(_LAST_MESSAGES_S)
+        self._disconnect()
+
+    def snapshot(self) -> RobotSnapshot:
+        """Return the newest reports of the robot."""
+        return self._reports.snapshot()
+
+    def wait_for(self, condition: Callable[[RobotSnapshot], Found], timeout_s: float) -> Found:
+        """Evaluate `condition` on every snapshot until its result is true; returns the last result."""
+        return self._reports.wait_for(condition, timeout_s)
+
+    def clear_events(self) -> None:
+        """Drop the events so far; active hazard sensors stay active."""
+        self._reports.clear_events()
+
+    def missing_part(self, warned: set[str]) -> RobotError | None:
+        """Return the first part that does not answer; see `Readiness.missing_part`."""
+        return self._readiness.missing_part(warned)
+
+    def image(self, payload: Any) -> Any:
+        """Return an image of a snapshot as a message that `sensing.images` reads."""
+        return payload
+
+    @property
+    def holding(self) -> bool:
+        """Whether zero velocity is held against other publishers."""
+        return self._hold.holding
+
+    def hold_still(self) -> None:
+        """Command zero velocity, and stream it while another publisher drives the base."""
+        self._hold.hold()
+
+    def release(self) -> None:
+        """Allow velocities of others again."""
+        self._hold.release()
+
+    def join_simulation(self) -> None:
+        """Subscribe to the topics that only a simulated robot has."""
+        self._subscribe_truth(self.names.simulation_topic(GROUND_TRUTH))
+        self._subscribe_text(self.names.simulation_topic(CONTACT), self._reports.take_contact)
+        if self.has_labels:
+            self._subscribe_image(self.names.simulation_topic(INSTANCES), "labels", _COLOR_FRAMES)
+            self._subscribe_text(self.names.simulation_topic(CATEGORIES), self._reports.take_categories)
+
+    @property
+    @abstractmethod
+    def server(self) -> str:
+        """What executes movements: `vsnbench` or `another` node of discrete_move, or `workstation`, this process."""
+
+    @property
+    @abstractmethod
+    def steer(self) -> Callable[[Command], None] | None:
+        """Function that commands a velocity; None where a node of discrete_move steers the base."""
+
+    @property
+    @abstractmethod
+    def can_be_placed(self) -> bool:
+        """Whether the robot is simulated and can be put at a start."""
+
+    @property
+    @abstractmethod
+    def has_labels(self) -> bool:
+        """Whether the robot is simulated and labels its images."""
+
+    @property
+    @abstractmethod
+    def now_s(self) -> float:
+        """Time in which motions are measured: monotonic, or simulated where the network's time is simulated."""
+
+    @property
+    @abstractmethod
+    def reports_outcomes(self) -> bool:
+        """Whether a movement reports more than True or False."""
+
+    @abstractmethod
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+
+    def stand_still(self) -> None:
+        """Command zero velocity."""
+        self.command(STANDSTILL)
+
+    @abstractmethod
+    def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
+        """Execute one movement and return whether it succeeded.
+
+        Args:
+            movement: a key of `MOVEMENTS`.
+            angle_deg: angle of a turn.
+            timeout_s: longest duration of the call.
+            watch: called periodically; ends the movement by an exception.
+
+        Raises:
+            NoAnswerError: the node of discrete_move did not answer in time.
+        """
+
+    @property
+    @abstractmethod
+    def can_drive(self) -> bool:
+        """Whether movements with parameters can be executed; upstream's server of discrete_move cannot."""
+
+    @abstractmethod
+    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None]) -> bool:
+        """Execute a movement with parameters and return whether it succeeded; see `move`."""
+
+    @abstractmethod
+    def place(self, pose: Pose, seed: int, timeout_s: float) -> str:
+        """Put a simulated robot at a pose. Returns why the robot cannot be there, or an empty string."""
+
+    @abstractmethod
+    def begin_episode(self, timeout_s: float) -> None:
+        """Report to the mover that an episode starts."""
+
+    @abstractmethod
+    def _disconnect(self) -> None:
+        """Close the node."""
+
+    @abstractmethod
+    def _subscribe_image(self, topic: str, field: str, capacity: int) -> None:
+        """Store the images of a topic in a field of the snapshot, at most `capacity`."""
+
+    @abstractmethod
+    def _subscribe_camera_info(self, topic: str, take: Callable[[Any], None]) -> None:
+        """Pass every sensor_msgs/CameraInfo of a topic to `take`."""
+
+    @abstractmethod
+    def _subscribe_text(self, topic: str, take: Callable[[str], None]) -> None:
+        """Pass every text of a latched std_msgs/String topic to `take`."""
+
+    @abstractmethod
+    def _subscribe_truth(self, topic: str) -> None:
+        """Pass every nav_msgs/Odometry of a topic to `take_truth`."""
+
+    def _subscribe_camera(self) -> None:
+        """Subscribe to the images and calibrations of the profile."""
+        names = self.names
+        self._subscribe_image(names.color, "colors", _COLOR_FRAMES)
+        if names.depth:
+            self._subscribe_image(names.depth, "depths", names.depth_frames + 2)
+        for info, images in ((names.color_info, names.color), (names.depth_info, names.depth)):
+            if info and images:
+                self._subscribe_camera_info(info, partial(self._reports.take_camera_info, images))
+
+    def _take_command(self, twist: Any, sender: str, *, rival: bool) -> None:
+        """Take a velocity of another node; a held base is commanded to stand still."""
+        drives = moves(twist)
+        if drives:
+            self._hold.answer()
+        self._reports.take_command(sender, moves=drives, rival=rival)
+
+    def _take_truth(self, message: Any, stamp_s: float) -> None:
+        """Take the pose of a simulated robot in its site."""
+        self._reports.take_truth(planar(message), stamp_s)
+
+
+def placement_seed(seed: int) -> int:
+    """Return a seed as a non-negative 63-bit integer, which every message type holds."""
+    return seed & 0x7FFF_FFFF_FFFF_FFFF

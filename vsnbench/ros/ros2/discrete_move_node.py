@@ -1,0 +1,91 @@
+"""The discrete_move node over ROS 2: executes one movement per request.
+
+It stops when the client stops repeating its request (`topic_service.GONE_S`), and whenever it ends.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from std_msgs.msg import String
+
+from vsnbench.control.command import Command
+from vsnbench.control.discrete_move_settings import motion_settings
+from vsnbench.errors import RobotError
+from vsnbench.ros.common.discrete_move import NODE, DiscreteMoveTask, mover_of
+from vsnbench.ros.ros2.graph import Graph
+from vsnbench.ros.ros2.hazard_events import subscribe_hazards
+from vsnbench.ros.ros2.interface import ros2_interface
+from vsnbench.ros.ros2.node import LATCHED, Ros2Node
+from vsnbench.ros.ros2.odometry import OdometrySubscription
+from vsnbench.ros.ros2.topic_service import TopicServiceServer
+from vsnbench.ros.ros2.velocities import Velocities
+from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.simulation import ACCOUNT, read_account
+from vsnbench.values.robot_profile import RobotProfile
+
+__all__ = ["NODE", "DiscreteMoveNode"]
+
+logger = logging.getLogger(__name__)
+
+
+class DiscreteMoveNode(DiscreteMoveTask):
+    """Executes movements for one robot until it is closed."""
+
+    def __init__(self, node: Ros2Node, profile: RobotProfile, file: Path | None = None) -> None:
+        names = ros2_interface(profile)
+        self._node = node
+        super().__init__(
+            names, mover_of(profile, motion_settings(profile, file), self.send, node.now_s, node.sleep_until)
+        )
+        self._velocities = Velocities(node, Graph(node), names, self.take_foreign_command)
+        self._odometry = OdometrySubscription(node, names, self.take_odometry)
+        node.rclpy.create_subscription(String, names.simulation_topic(ACCOUNT), self._on_account, LATCHED)
+        subscribe_hazards(node, names, self._mover.take_hazard)
+        for part in names.hazard_topics:
+            if part.missing_package:
+                logger.warning("%s cannot be read: %s is not installed", part.topic, part.missing_package)
+        self._server = TopicServiceServer(node, names.discrete_move, self._answer)
+
+    def send(self, command: Command) -> None:
+        """Publish a velocity."""
+        self._velocities.send(command)
+
+    def _answer(self, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Mapping[str, Any]:
+        movement = str(request.get("movement", ""))[:40]
+        if movement == "Ping":
+            return {"missing": self._missing(), "drives": True}
+        if movement == "Reset":
+            self._mover.forget_heading()
+            return {}
+        if movement == "Drive":
+            fault = self._velocities.connect()
+            outcome = Outcome("drive", False, str(fault)) if fault else self.drive(request.get("drive"), caller_gone)
+            return asdict(outcome)
+        return asdict(self._execute(movement, request, caller_gone))
+
+    def _missing(self) -> str:
+        """Return the part of the base that this node has not found yet, or an empty string."""
+        if not self._odometry_arrived.is_set():
+            return self._odometry.fault or "no odometry received yet"
+        fault = self._velocities.connect()
+        return fault.statement if fault else ""
+
+    def _execute(self, movement: str, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Outcome:
+        if fault := self._velocities.connect():
+            return Outcome(movement, False, str(fault))
+        try:
+            angle_deg, distance_m = int(request.get("angle_deg", 0)), float(request.get("distance_m", 0.25))
+        except (TypeError, ValueError):
+            return Outcome(movement, False, "angle_deg and distance_m of a movement must be numbers")
+        return self.execute(movement, angle_deg, caller_gone, distance_m)
+
+    def _on_account(self, message: Any) -> None:
+        try:
+            account = read_account(message.data)
+        except RobotError as error:
+            logger.warning("%s", error)
+            return
+        self._node.follow_simulated_time(simulated=account.rate_factor != 1)

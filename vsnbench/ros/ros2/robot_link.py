@@ -1,0 +1,274 @@
+"""The client's connection to a robot over ROS 2.
+
+A discrete_move node on the robot executes movements if there is one, else this process does.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import String
+
+from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.control.discrete_move_settings import motion_settings
+from vsnbench.errors import NoAnswerError, RobotError
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.ros.common import robot_link
+from vsnbench.ros.common.discrete_move import mover_of
+from vsnbench.ros.common.robot_link import placement_seed
+from vsnbench.ros.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros.ros2.graph import Graph
+from vsnbench.ros.ros2.hazard_events import subscribe_hazards
+from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
+from vsnbench.ros.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
+from vsnbench.ros.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
+from vsnbench.ros.ros2.odometry import OdometrySubscription
+from vsnbench.ros.ros2.readiness import Readiness
+from vsnbench.ros.ros2.topic_service import TopicServiceClient
+from vsnbench.ros.ros2.velocities import Velocities
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.sensing.images.compressed_images import is_compressed
+from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
+from vsnbench.values.battery import Battery
+from vsnbench.values.movement import Drive, movement_to_json
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import ROS2
+from vsnbench.values.robot_profile import RobotProfile
+
+_ON_ROBOT, _WORKSTATION = "vsnbench", "workstation"
+"""Values of `RobotLink.server`."""
+
+
+class RobotLink(robot_link.RobotLink):
+    """Connection to a robot on a ROS 2 graph; one per process.
+
+    Messages arrive in the thread of the node. Images stay serialized.
+    """
+
+    kind = ROS2
+    reports_outcomes = True
+    names: Ros2Interface
+
+    def __init__(self, profile: RobotProfile, parameters: ProtocolParameters) -> None:
+        super().__init__(profile)
+        self.names = names = ros2_interface(profile)
+        self.image_turns = names.image_turns
+        self._parameters = parameters
+        self.node = Ros2Node(f"vsnbench_{time.time_ns() // 1_000_000}", names.root)
+        try:
+            self.graph = Graph(self.node)
+            self.velocities = Velocities(self.node, self.graph, names, self._on_command)
+            self._discrete_move = TopicServiceClient(self.node, names.discrete_move)
+            self._place = TopicServiceClient(self.node, names.simulation_topic(PLACE))
+            self._server = ""
+            self._robot_drives = False
+            settings = motion_settings(profile)
+            self._mover = mover_of(profile, settings, self._steer, self.node.now_s, self.node.sleep_until)
+            self._subscribe()
+        except BaseException:
+            self.node.close()
+            raise
+
+    def _disconnect(self) -> None:
+        self.node.close()
+
+    def missing_part(self, warned: set[str]) -> RobotError | None:
+        """Return the first part that does not answer; see `Readiness.missing_part`."""
+        account = self.snapshot().simulation
+        self.node.follow_simulated_time(simulated=account is not None and account.rate_factor != 1)
+        return super().missing_part(warned)
+
+    @property
+    def server(self) -> str:
+        """What executes movements: `vsnbench`, the node on the robot, or `workstation`, this process."""
+        return self._server
+
+    @property
+    def steer(self) -> Callable[[Command], None] | None:
+        """Function that commands a velocity; None where the node on the robot steers the base."""
+        return self.command if self._server == _WORKSTATION else None
+
+    @property
+    def can_be_placed(self) -> bool:
+        """Whether the robot is simulated and can be put at a start."""
+        return self.snapshot().simulation is not None
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether the robot is simulated and labels its images."""
+        return bool(self.graph.publishers(self.names.simulation_topic(INSTANCES)))
+
+    @property
+    def now_s(self) -> float:
+        """Time in which motions are measured: monotonic, or simulated where a simulator publishes the time."""
+        return self.node.now_s()
+
+    def image(self, payload: Any) -> Any:
+        """Return an image of a snapshot as a message."""
+        return image_of_serialized(payload)
+
+    def command(self, command: Command) -> None:
+        """Command a velocity, whatever executes movements."""
+        if command != STANDSTILL:
+            self._mover.take_other_command()
+        self.velocities.send(command)
+
+    def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
+        """Execute one movement and return whether it succeeded; `watch` may raise to end it.
+
+        Raises:
+            NoAnswerError: the node on the robot does not answer in time.
+        """
+        self._reports.take_outcome(None)
+        distance_m = self._parameters.forward_m
+        if self._server == _ON_ROBOT:
+            request = {"movement": movement, "angle_deg": angle_deg, "distance_m": distance_m}
+            outcome = self._ask_robot(request, timeout_s, watch)
+        else:
+            outcome = self._mover.carry_out(movement, angle_deg, _never_gone(watch), distance_m)
+        self._reports.take_outcome(outcome)
+        return outcome.answer
+
+    @property
+    def can_drive(self) -> bool:
+        """Whether this process steers, or a node that knows movements with parameters."""
+        return self._server == _WORKSTATION or self._robot_drives
+
+    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None]) -> bool:
+        """Execute a movement with parameters and return whether it succeeded; `watch` may raise to end it.
+
+        Raises:
+            NoAnswerError: the node on the robot does not answer in time.
+        """
+        self._reports.take_outcome(None)
+        if self._server == _ON_ROBOT:
+            request = {"movement": "Drive", "drive": movement_to_json(movement)}
+            outcome = self._ask_robot(request, timeout_s, watch)
+        else:
+            outcome = self._mover.drive(movement, _never_gone(watch), timeout_s)
+        self._reports.take_outcome(outcome)
+        return outcome.answer
+
+    def _ask_robot(self, request: dict[str, Any], timeout_s: float, watch: Callable[[], None] | None) -> Outcome:
+        answer = self._discrete_move.call(request, timeout_s, watch)
+        try:
+            return Outcome(**answer)
+        except TypeError as error:
+            raise NoAnswerError(
+                f"{self.names.discrete_move} runs another version of vsnbench",
+                advice="run the same version on both machines",
+                code="version-mismatch",
+            ) from error
+
+    def place(self, pose: Pose, seed: int, timeout_s: float) -> str:
+        """Put a simulated robot at a pose. Returns why the robot cannot be there, or an empty string."""
+        request = {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad, "seed": placement_seed(seed)}
+        answer = self._place.call(request, timeout_s)
+        return str(answer.get("problem", "the simulator's answer does not fit this version of vsnbench"))
+
+    def begin_episode(self, timeout_s: float) -> None:
+        """Reset the held heading of the mover."""
+        self._mover.forget_heading()
+        if self._server == _ON_ROBOT:
+            self._discrete_move.call({"movement": "Reset"}, timeout_s)
+
+    def choose_server(self) -> RobotError | None:
+        """Select what executes movements, once per session; returns why nothing can, or None.
+
+        A discrete_move node on the graph has to answer, and to have found the base.
+        """
+        expected = bool(self.graph.subscribers(f"{self.names.discrete_move}/question"))
+        if self._server == _WORKSTATION or not (expected or self._server):
+            self._server = _WORKSTATION
+            return None
+        try:
+            answer = self._discrete_move.call({"movement": "Ping"}, 1.0)
+        except NoAnswerError as error:
+            start = f"(vsnbench robots serve {self.profile.argument})"
+            return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
+        self._robot_drives = answer.get("drives") is True
+        if missing := answer.get("missing", ""):
+            return RobotError(
+                f"{self.names.discrete_move} cannot move the base: {missing}", code="discrete-move-not-ready"
+            )
+        self._server = _ON_ROBOT
+        return None
+
+    def _subscribe_image(self, topic: str, field: str, capacity: int) -> None:
+        compressed = is_compressed(topic)
+
+        def on_image(data: bytes, info: Any) -> None:
+            sender, image = self.graph.sender(topic, info), CompressedBytes(data) if compressed else data
+            self._reports.take_image(field, capacity, image, stamp_of_serialized(data), topic, sender)
+
+        kind = CompressedImage if compressed else Image
+        self.node.rclpy.create_subscription(kind, topic, on_image, SENSOR_DATA, raw=True)
+
+    def _subscribe_camera_info(self, topic: str, take: Callable[[Any], None]) -> None:
+        self.node.rclpy.create_subscription(CameraInfo, topic, take, SENSOR_DATA)
+
+    def _subscribe_text(self, topic: str, take: Callable[[str], None]) -> None:
+        self.node.rclpy.create_subscription(String, topic, lambda message: take(message.data), LATCHED)
+
+    def _subscribe_truth(self, topic: str) -> None:
+        def on_truth(message: Any) -> None:
+            self._take_truth(message, seconds(message.header.stamp))
+
+        self.node.rclpy.create_subscription(Odometry, topic, on_truth, SENSOR_DATA)
+
+    def _steer(self, command: Command) -> None:
+        # A hold takes effect at once, before the movement of this process has noticed it.
+        self.velocities.send(STANDSTILL if self._hold.holding else command)
+        self._reports.take_own_command()
+
+    def _subscribe(self) -> None:
+        names = self.names
+        self.odometry = OdometrySubscription(self.node, names, self._on_odometry)
+        self._subscribe_camera()
+        self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
+        subscribe_hazards(self.node, names, self._on_hazard)
+        dock = Dock(self.profile, names)
+        subscribe_dock(self.node, names, dock, self._on_battery)
+        self._readiness = Readiness(
+            names,
+            self.snapshot,
+            lambda: self.odometry.fault,
+            self.profile,
+            node=self.node,
+            graph=self.graph,
+            connect=self.velocities.connect,
+            choose_server=self.choose_server,
+            dock=dock,
+        )
+
+    def _on_odometry(self, pose: tuple[float, float, float], stamp_s: float, info: Any) -> None:
+        topic = self.names.odometry_topic
+        self._mover.take_odometry(*pose, stamp_s)
+        self._reports.take_odometry(pose, stamp_s, topic, self.graph.sender(topic, info))
+
+    def _on_command(self, twist: Any, sender: str) -> None:
+        # The node on the robot detects rivals itself; a sender that is not known yet may be that node.
+        name = sender.partition(" (no. ")[0].rpartition("/")[2]
+        is_ours = self._server == _ON_ROBOT and name in ("", "discrete_move")
+        self._take_command(twist, sender or "another node", rival=not is_ours)
+
+    def _on_hazard(self, hazard: Hazard, sensor: int, active: bool, where: str) -> None:
+        self._mover.take_hazard(hazard, sensor, active, where)
+        self._reports.take_hazard(hazard, sensor, active, where)
+
+    def _on_battery(self, message: Any) -> None:
+        self._reports.take_battery(Battery.reported(message.percentage, message.voltage))
+
+
+def _never_gone(watch: Callable[[], None] | None) -> Callable[[], bool]:
+    """Return the mover's check of its caller: this process is always there, and `watch` may raise."""
+
+    def gone() -> bool:
+        if watch is not None:
+            watch()
+        return False
+
+    return gone

@@ -1,5 +1,0 @@
-"""Service type that `rosservice call /discrete_move` imports by name."""
-
-from vsnbench.ros1.messages import DiscreteServer, DiscreteServerRequest, DiscreteServerResponse
-
-__all__ = ["DiscreteServer", "DiscreteServerRequest", "DiscreteServerResponse"]
