@@ -19,23 +19,16 @@ from vsnbench.report.analysis.operators import OperatorActivity, read_operator_a
 from vsnbench.report.analysis.summary import Results, summarise
 from vsnbench.report.comparison.question import Question, questions
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
+from vsnbench.report.table import ReportTable
+from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
 from vsnbench.report.tables.operators import operator_table, session_table
 from vsnbench.report.tables.progress import progress_tables
 from vsnbench.report.tables.question import question_tables
 from vsnbench.report.tables.reference import paper_comparison_table, paper_stability_table
-from vsnbench.report.tables.report_table import ReportTable
 from vsnbench.report.tables.second_judgements import second_judgement_tables
 from vsnbench.report.tables.sensitivity import drift_table, failure_table, judgement_table, sensitivity_tables
 from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
-from vsnbench.report.tables.success import (
-    action_table,
-    definition_table,
-    end_reason_table,
-    goal_table,
-    overview_table,
-    stability_table,
-    start_table,
-)
+from vsnbench.report.tables.success import goal_table, overview_table, start_table
 from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import sanitize
@@ -111,8 +104,8 @@ class Report:
         if self.reference:
             tables.append(paper_comparison_table(results))
         tables += self._sim_vs_real_tables(long=long)
-        if any(summary.ends for summary in results.conditions):
-            tables.append(end_reason_table(results))
+        if (ends := end_reason_table(results)).rows:
+            tables.append(ends)
         if activity:
             tables.append(stability_table(activity.robots))
             if self.reference:
