@@ -11,7 +11,7 @@ from sqlalchemy import Engine
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report.analysis.activity import ActionCount, Activity, read_actions, read_robots
 from vsnbench.report.analysis.conditions import Selection
-from vsnbench.report.analysis.courses import measure_courses
+from vsnbench.report.analysis.courses import Examined, measure_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.failures import read_failures
 from vsnbench.report.analysis.judgements import RaterAgreement, read_judgements, read_rater_agreements
@@ -180,7 +180,8 @@ def build(
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             results = summarise(record)
-            measured, courses = measure_courses(engine, record)
+            examined: Examined = {}
+            measured, courses = measure_courses(engine, record, examined=examined)
             record = replace(record, courses=measured)
             report = Report(
                 record,
@@ -193,7 +194,7 @@ def build(
             robots = read_robots(engine, record)
             if meanwhile:
                 meanwhile(report)
-            failures, judgements = read_failures(engine, record), read_judgements(engine, record)
+            failures, judgements = read_failures(engine, record, examined), read_judgements(engine, record)
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 

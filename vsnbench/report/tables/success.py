@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.episodes_frame import EpisodeColumns, goal_order
+from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
 from vsnbench.report.measures import (
     COUNT,
@@ -36,17 +36,16 @@ _Values = Callable[[Group, str], NDArray[Any]]
 
 def _values(group: Group, name: str) -> NDArray[Any]:
     """Return the known values of a column of the counted episodes."""
-    return _known(group.counted, name)
+    values: NDArray[Any] = np.empty(0) if group.counted is None else getattr(group.counted, name)
+    return np.asarray(values[~np.isnan(values)])
 
 
 def _successful(group: Group, name: str) -> NDArray[Any]:
     """Return the known values of a column of the successful episodes."""
-    return _known(None if group.counted is None else group.counted[group.counted.success], name)
-
-
-def _known(episodes: EpisodeColumns | None, name: str) -> NDArray[Any]:
-    values: NDArray[Any] = np.empty(0) if episodes is None else getattr(episodes, name)
-    return np.asarray(values[~np.isnan(values)])
+    if (episodes := group.counted) is None:
+        return np.empty(0)
+    values: NDArray[Any] = getattr(episodes, name)
+    return np.asarray(values[episodes.success & ~np.isnan(values)])
 
 
 def _weighted(group: Group, name: str) -> NDArray[Any]:
