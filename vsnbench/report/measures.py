@@ -6,7 +6,7 @@ the columns and cells of a table, JSON objects, CSV lines and the JSON schema (`
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import Enum
 from functools import cached_property
@@ -23,7 +23,7 @@ from vsnbench.report.table import (
     of,
     p_cell,
 )
-from vsnbench.statistics.rates import UNKNOWN, Interval
+from vsnbench.statistics.rates import UNKNOWN, Interval, Proportion
 
 COMMON = "common.json#/$defs/"
 """Where the schemas refer to for objects that several commands print."""
@@ -77,13 +77,15 @@ ANYTHING = Form({"type": "object", "additionalProperties": True})
 COUNTS = Form({"type": "object", "additionalProperties": {"type": "integer"}})
 RATIO = Form({}, lambda parts: of(*parts))
 """A part and its whole, only in tables."""
+CELL = Form({}, lambda cell: cell)
+"""A cell, only in tables."""
 
 
-def decimals(places: int, factor: int = 1) -> Form:
-    """Return the form of a number with decimals; a table shows it times a factor."""
+def decimals(places: int, factor: int = 1, unit: int = 1) -> Form:
+    """Return the form of a number with decimals; a table shows it times a factor, in multiples of a unit."""
     return Form(
         {"type": "number"},
-        lambda value: decimal(math.nan if value is None else factor * value, places),
+        lambda value: decimal(math.nan if value is None else factor * value / unit, places),
         null=UNLESS_KNOWN,
     )
 
@@ -220,6 +222,14 @@ class Measures(tuple[Measure, ...]):
             "required": [key for measure in keyed if not measure.only_in for key, _ in measure.schemas()],
         }
 
+    def within(self, part: Callable[[Any], Any]) -> "Measures":
+        """Return the same measures of a part of a row."""
+
+        def of(measure: Measure) -> Callable[[Any], Any]:
+            return lambda row: measure.value(part(row))
+
+        return Measures(replace(measure, of=of(measure)) for measure in self)
+
     @property
     def reference(self) -> dict[str, Any]:
         """Schema of the object where another refers to it."""
@@ -241,3 +251,34 @@ def objects(measures: Measures) -> Form:
 def values(form: Form) -> Form:
     """Return the form of a list of values in JSON."""
     return Form({"type": "array", "items": form.schema}, json=lambda several: [form.json(value) for value in several])
+
+
+TEXTS, NUMBERS = values(TEXT), values(COUNT)
+
+
+def rates(
+    proportion: Callable[[Any], Proportion], interval: Callable[[Any], Interval | None], places: int = 2
+) -> tuple[Measure, ...]:
+    """Return the measures of a success rate: k/n, percent and 95 % interval; JSON has both counts.
+
+    Args:
+        proportion: successes and episodes of a row.
+        interval: interval of its success rate; None if it has none.
+        places: decimals of the percentages.
+    """
+    limits = "the 95 % interval of the success rate"
+    return (
+        Measure("successes", COUNT, "number of successes", lambda row: proportion(row).successes),
+        Measure("episodes", COUNT, "number of episodes", lambda row: proportion(row).trials),
+        Measure("", RATIO, of=lambda row: (proportion(row).successes, proportion(row).trials), heading="k/n"),
+        Measure(
+            "success_rate",
+            percents(places),
+            "share of successes",
+            lambda row: proportion(row).rate,
+            null="without episodes",
+            heading="SR %",
+            note="",
+        ),
+        Measure("ci", intervals(places), limits, interval, heading="95 % interval", note=""),
+    )
