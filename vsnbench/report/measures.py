@@ -50,6 +50,19 @@ def _count(value: int | None) -> Cell:
     return EMPTY if value is None else Cell(str(value), value)
 
 
+Part = Callable[[Any], Any] | str
+"""A part of a row: a function, or the path of an attribute or item, like `rate.interval`."""
+
+
+def part_of(row: Any, part: Part) -> Any:
+    """Return a part of a row."""
+    if callable(part):
+        return part(row)
+    for name in part.split("."):
+        row = row[name] if isinstance(row, Mapping) else getattr(row, name)
+    return row
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """How the values of a measure appear in tables and in JSON."""
@@ -114,8 +127,8 @@ class Measure:
     form: Form
     meaning: str = ""
     """Explanation in the JSON schema and of the heading."""
-    of: Callable[[Any], Any] | None = None
-    """Its value for a row; by default the row's attribute, or item, of this key."""
+    of: Part = ""
+    """Its value; by default the attribute or item of this key."""
     null: str | None = None
     """When JSON has null, like `without episodes`, if not as for the form; empty if never."""
     heading: str = ""
@@ -129,9 +142,7 @@ class Measure:
 
     def value(self, row: Any) -> Any:
         """Return the value for a row."""
-        if self.of is not None:
-            return self.of(row)
-        return row[self.key] if isinstance(row, Mapping) else getattr(row, self.key)
+        return part_of(row, self.of or self.key)
 
     @property
     def column(self) -> Column:
@@ -222,11 +233,11 @@ class Measures(tuple[Measure, ...]):
             "required": [key for measure in keyed if not measure.only_in for key, _ in measure.schemas()],
         }
 
-    def within(self, part: Callable[[Any], Any]) -> "Measures":
+    def within(self, part: Part) -> "Measures":
         """Return the same measures of a part of a row."""
 
         def of(measure: Measure) -> Callable[[Any], Any]:
-            return lambda row: measure.value(part(row))
+            return lambda row: measure.value(part_of(row, part))
 
         return Measures(replace(measure, of=of(measure)) for measure in self)
 
@@ -256,9 +267,7 @@ def values(form: Form) -> Form:
 TEXTS, NUMBERS = values(TEXT), values(COUNT)
 
 
-def rates(
-    proportion: Callable[[Any], Proportion], interval: Callable[[Any], Interval | None], places: int = 2
-) -> tuple[Measure, ...]:
+def rates(proportion: Part, interval: Part, places: int = 2) -> tuple[Measure, ...]:
     """Return the measures of a success rate: k/n, percent and 95 % interval; JSON has both counts.
 
     Args:
@@ -266,19 +275,20 @@ def rates(
         interval: interval of its success rate; None if it has none.
         places: decimals of the percentages.
     """
-    limits = "the 95 % interval of the success rate"
+
+    def of(name: str) -> Callable[[Any], Any]:
+        return lambda row: getattr(part_of(row, proportion), name)
+
+    def counts(row: Any) -> tuple[int, int]:
+        known: Proportion = part_of(row, proportion)
+        return known.successes, known.trials
+
+    rate = Measure("success_rate", percents(places), "share of successes", of("rate"), null="without episodes")
+    limits = Measure("ci", intervals(places), "the 95 % interval of the success rate", interval)
     return (
-        Measure("successes", COUNT, "number of successes", lambda row: proportion(row).successes),
-        Measure("episodes", COUNT, "number of episodes", lambda row: proportion(row).trials),
-        Measure("", RATIO, of=lambda row: (proportion(row).successes, proportion(row).trials), heading="k/n"),
-        Measure(
-            "success_rate",
-            percents(places),
-            "share of successes",
-            lambda row: proportion(row).rate,
-            null="without episodes",
-            heading="SR %",
-            note="",
-        ),
-        Measure("ci", intervals(places), limits, interval, heading="95 % interval", note=""),
+        Measure("successes", COUNT, "number of successes", of("successes")),
+        Measure("episodes", COUNT, "number of episodes", of("trials")),
+        Measure("", RATIO, of=counts, heading="k/n"),
+        replace(rate, heading="SR %", note=""),
+        replace(limits, heading="95 % interval", note=""),
     )

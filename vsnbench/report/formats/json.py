@@ -79,19 +79,14 @@ _STATED = Measures(
 _GROUPS = Measures(
     (
         Measure("goals", objects(GROUP), "one summary per goal"),
-        Measure(
-            "goal_kinds",
-            objects(GROUP),
-            "one summary per kind of goal; empty if all are of one kind",
-            lambda summary: summary.kinds,
-        ),
+        Measure("goal_kinds", objects(GROUP), "one summary per kind of goal; empty if all are of one kind", "kinds"),
         Measure("total", an_object(GROUP), "summary over all goals"),
         Measure("shared_goals", TEXTS, "goals that all comparable conditions share"),
         Measure(
             "total_shared_goals",
             an_object(GROUP),
             "summary over the shared goals",
-            lambda summary: summary.shared,
+            "shared",
             null="if it equals `total`",
         ),
         Measure("starts", objects(GROUP), "one summary per starting position"),
@@ -101,8 +96,8 @@ _GROUPS = Measures(
 MODEL = Measures.shared(
     "condition",
     (
-        *_STATED.within(lambda row: row.summary.condition),
-        *_GROUPS.within(lambda row: row.summary),
+        *_STATED.within("summary.condition"),
+        *_GROUPS.within("summary"),
         Measure(
             "actions",
             objects(ACTIONS),
@@ -110,7 +105,7 @@ MODEL = Measures.shared(
             lambda row: row.counted("actions"),
             null=_UNLESS,
         ),
-        Measure("sensitivity", an_object(SENSITIVITY), _RULES, lambda row: row.part, null="for published results"),
+        Measure("sensitivity", an_object(SENSITIVITY), _RULES, "part", null="for published results"),
         Measure(
             "failures",
             an_object(FAILURES),
@@ -146,7 +141,7 @@ _PUBLISHED_ROBOT = Measures(
 _PUBLISHED = Measures(
     (
         Measure("source", TEXT, "reference of the paper"),
-        Measure("robots", objects(_PUBLISHED_ROBOT), "one object per robot", lambda paper: paper.stability),
+        Measure("robots", objects(_PUBLISHED_ROBOT), "one object per robot", "stability"),
         Measure("hours", _PLAIN, "driving time of all robots in hours"),
         Measure("kilometres", _PLAIN, "length of all paths in kilometres"),
     )

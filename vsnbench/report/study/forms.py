@@ -117,12 +117,10 @@ _PRIMARY = Measures(
                 Measure("method", TEXT, "method of the analysis"),
                 Measure("about", TEXT, "what the conclusion generalizes to"),
                 Measure("cells", COUNT, "planned cells of the shared goals, without repetitions"),
-                Measure(
-                    "trials_per_arm", COUNT, "planned trials of each arm in these cells", lambda primary: primary.trials
-                ),
+                Measure("trials_per_arm", COUNT, "planned trials of each arm in these cells", "trials"),
                 Measure("over", TEXT, _OVER),
             )
-        ).within(lambda found: found.primary),
+        ).within("primary"),
         Measure("dropped", COUNTS, _DROPPED, _dropped),
         Measure(
             "answers",
@@ -134,11 +132,11 @@ _PRIMARY = Measures(
 )
 _PLAN = Measures(
     (
-        Measure("sha256", TEXT, "SHA-256 of the plan as locked", lambda recorded: recorded.locked_sha256),
-        Measure("amended_sha256", TEXT, "SHA-256 of the plan as last amended", lambda recorded: recorded.sha256),
+        Measure("sha256", TEXT, "SHA-256 of the plan as locked", "locked_sha256"),
+        Measure("amended_sha256", TEXT, "SHA-256 of the plan as last amended", "sha256"),
         Measure("schedule_sha256", TEXT, "SHA-256 of the order of trials"),
         Measure("locked_at", TEXT, "time of the lock"),
-        Measure("blind", FLAG, "codes are shown until study unblind", lambda recorded: recorded.is_blind),
+        Measure("blind", FLAG, "codes are shown until study unblind", "is_blind"),
     )
 )
 _DEVIATION = Measures((Measure("what", TEXT, "kind of deviation"), Measure("words", TEXT, "the deviation in words")))
@@ -147,16 +145,10 @@ _TRIAL = Measures(
         Measure("rank", COUNT, "place in the schedule"),
         Measure("block", COUNT, "number of the block"),
         Measure("arm", TEXT, "arm or its code"),
-        Measure("goal", TEXT, "goal of the trial", lambda trial: trial.trial.goal),
-        Measure("start", COUNT, "number of the starting position", lambda trial: trial.trial.start),
-        Measure("repetition", COUNT, "number of the repetition, from 1", lambda trial: trial.trial.repetition),
-        Measure(
-            "episode",
-            COUNT,
-            "number of the episode that counts",
-            lambda trial: trial.episode_id,
-            null="if the trial is open",
-        ),
+        Measure("goal", TEXT, "goal of the trial", "trial.goal"),
+        Measure("start", COUNT, "number of the starting position", "trial.start"),
+        Measure("repetition", COUNT, "number of the repetition, from 1", "trial.repetition"),
+        Measure("episode", COUNT, "number of the episode that counts", "episode_id", null="if the trial is open"),
         Measure("success", FLAG, "verdict", null="without one"),
         Measure("progress", NUMBER, "progress of the episode, 0 to 1"),
     )
@@ -169,11 +161,11 @@ def _trials(found: StudyFindings) -> list[StudyTrialProgress]:
 
 STUDY = Measures(
     (
-        Measure("title", TEXT, "title of the study", lambda found: found.recorded.title),
-        Measure("question", TEXT, "question of the study", lambda found: found.plan.question),
+        Measure("title", TEXT, "title of the study", "recorded.title"),
+        Measure("question", TEXT, "question of the study", "plan.question"),
         Measure("conclusion", TEXT, "conclusion in words"),
         Measure("primary", an_object(_PRIMARY), "the planned analysis", lambda found: found),
-        Measure("plan", an_object(_PLAN), "the plan as locked", lambda found: found.recorded),
+        Measure("plan", an_object(_PLAN), "the plan as locked", "recorded"),
         Measure("deviations", objects(_DEVIATION), "deviations from the plan"),
         Measure("trials", objects(_TRIAL), "one object per trial", _trials),
     )

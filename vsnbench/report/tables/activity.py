@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from operator import itemgetter
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason
@@ -37,7 +36,7 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> Rep
 
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 _END_REASON = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
-MODEL = Measure("", TEXT, of=itemgetter("model"), heading="model")
+MODEL = Measure("", TEXT, of="model", heading="model")
 """First column of tables with several conditions."""
 ENDS = Measures(
     (
@@ -45,8 +44,8 @@ ENDS = Measures(
         Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
         Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
         Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
-        Measure("", percents(), of=itemgetter("share"), heading="% of counted", rank=1),
-        Measure("", TEXT, of=itemgetter("kind"), heading="kind"),
+        Measure("", percents(), of="share", heading="% of counted", rank=1),
+        Measure("", TEXT, of="kind", heading="kind"),
     )
 )
 
@@ -161,7 +160,7 @@ ACTIONS = Measures(
         Measure("blocked", FLAG, "the depth guard prevented the action"),
         Measure("", TEXT, of=_executed, heading="executed"),
         Measure("steps", COUNT, "number of steps", heading="steps", note=""),
-        Measure("", percents(), of=itemgetter("share"), heading="%"),
+        Measure("", percents(), of="share", heading="%"),
     )
 )
 

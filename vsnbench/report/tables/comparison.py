@@ -161,7 +161,7 @@ RATE = Measures(
             "ci",
             intervals(),
             "the 95 % interval of the difference",
-            lambda rate: rate.interval,
+            "interval",
             heading="95 % interval",
             note=_NEWCOMBE,
         ),
@@ -178,7 +178,7 @@ RATE = Measures(
             heading="Holm p",
             rank=1,
         ),
-        Measure("least_p", NUMBER, "smallest p-value that the design can give", lambda rate: rate.attainable.p),
+        Measure("least_p", NUMBER, "smallest p-value that the design can give", "attainable.p"),
         Measure(
             "too_few",
             FLAG,
@@ -190,7 +190,7 @@ RATE = Measures(
             "significant",
             FLAG,
             "a difference is shown: the test rejects and the interval excludes 0",
-            lambda rate: rate.conclusion.names_winner,
+            "conclusion.names_winner",
         ),
         _matched("pairs", "number of pairs of matched episodes"),
         _matched("only_first", "pairs in which only the first condition succeeded"),
@@ -199,7 +199,7 @@ RATE = Measures(
             "design_power",
             an_object(POWER),
             "power of the design",
-            lambda rate: rate.power,
+            "power",
             null="if a difference was found or the power is unknown",
         ),
     )
@@ -222,7 +222,7 @@ EFFECT = Measures(
         *_mean("first", "A", "mean of the first condition"),
         *_mean("second", "B", "mean of the second condition"),
         *_mean("difference", "A - B", "first mean minus the second"),
-        Measure("ci", intervals(), "the 95 % interval of the difference", lambda effect: effect.interval),
+        Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
         Measure(
             "",
             CELL,
@@ -237,7 +237,7 @@ COMPARISON = Measures.shared(
     (
         Measure("first", an_object(CONDITION), "first condition"),
         Measure("second", an_object(CONDITION), "second condition"),
-        Measure("questions", COUNT, "number of p-values in the Holm correction", lambda comparison: comparison.asked),
+        Measure("questions", COUNT, "number of p-values in the Holm correction", "asked"),
         Measure("level", Form({"type": "number"}), "Bonferroni level: 0.05 divided by `questions`"),
         Measure("rates", objects(RATE), "success rates, one object per scope"),
         Measure(
@@ -247,7 +247,7 @@ COMPARISON = Measures.shared(
             "actions_compared",
             FLAG,
             "numbers of actions are comparable: both models answer with the same kinds of actions",
-            lambda comparison: comparison.compares_actions,
+            "compares_actions",
         ),
         Measure("verdicts", TEXTS, "conclusions, one sentence each", verdicts),
     ),

@@ -24,7 +24,7 @@ CONDITION = Measures.shared(
         Measure("max_time_s", NUMBER, _TIME, null="for no limit"),
         Measure("max_path_m", NUMBER, "limit of the driven path per episode", null="for no limit"),
         Measure("success_distance_m", NUMBER, "distance to the goal below which STOP is a success"),
-        Measure("noise", FLAG, "simulated sensors and odometry have noise", lambda condition: condition.noisy),
+        Measure("noise", FLAG, "simulated sensors and odometry have noise", "noisy"),
     ),
 )
 """Measures of a `Condition`."""

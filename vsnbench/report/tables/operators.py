@@ -89,7 +89,7 @@ SESSIONS = Measures(
         ),
         Measure("began_at", _BEGAN, "time of the beginning", heading="began (UTC)", note=""),
         Measure("ended_at", TEXT, "time of the end, or of the last activity"),
-        Measure("", _HOURS, of=lambda row: row["hours"], heading="hours"),
+        Measure("", _HOURS, of="hours", heading="hours"),
         Measure("attempts", COUNT, "number of episodes, void ones included", heading="attempts", note="", rank=2),
         Measure("robot", TEXT, "name of the robot profile", heading="robot", note="", rank=3),
     )

@@ -48,7 +48,7 @@ _LOW = "5th percentile of that distance over the path, mean of the episodes"
 COURSES = Measures(
     (
         MODEL,
-        Measure("", decimals(3), _COVERED, lambda row: row["progress"], heading="progress"),
+        Measure("", decimals(3), _COVERED, "progress", heading="progress"),
         Measure("examined", COUNT, "number of examined episodes"),
         Measure("stages", COUNTS, "furthest stage → number of examined episodes"),
         *(_stage(stage, note) for stage, note in _STAGES.items()),
@@ -61,21 +61,9 @@ COURSES = Measures(
             heading="turning (°/m)",
             rank=1,
         ),
+        Measure("", decimals(1), "mean duration on the robot's clock", "mean_driving_s", heading="driving (s)", rank=2),
         Measure(
-            "",
-            decimals(1),
-            "mean duration on the robot's clock",
-            lambda row: row["mean_driving_s"],
-            heading="driving (s)",
-            rank=2,
-        ),
-        Measure(
-            "",
-            decimals(1),
-            "mean inference time, on a real robot",
-            lambda row: row["mean_thinking_s"],
-            heading="thinking (s)",
-            rank=3,
+            "", decimals(1), "mean inference time, on a real robot", "mean_thinking_s", heading="thinking (s)", rank=3
         ),
     )
 )

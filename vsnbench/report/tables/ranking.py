@@ -15,8 +15,8 @@ _OVERALL = 'p-value of "no model differs from the others"'
 RANKED = Measures(
     (
         Measure("", TEXT, _RANK, lambda ranked: _ranks(ranked.ranks), heading="rank"),
-        Measure("name", TEXT, "name of the condition", lambda ranked: ranked.condition.name, heading="model", note=""),
-        *rates(lambda ranked: ranked.proportion, lambda ranked: ranked.interval),
+        Measure("name", TEXT, "name of the condition", "condition.name", heading="model", note=""),
+        *rates("proportion", "interval"),
         Measure(
             "letters",
             TEXT,
@@ -24,8 +24,8 @@ RANKED = Measures(
             heading="group",
             note=_GROUP,
         ),
-        Measure("best_rank", COUNT, "best rank that the comparisons allow", lambda ranked: ranked.ranks.best),
-        Measure("worst_rank", COUNT, "worst rank that the comparisons allow", lambda ranked: ranked.ranks.worst),
+        Measure("best_rank", COUNT, "best rank that the comparisons allow", "ranks.best"),
+        Measure("worst_rank", COUNT, "worst rank that the comparisons allow", "ranks.worst"),
     )
 )
 RANKING = Measures.shared(
@@ -35,7 +35,7 @@ RANKING = Measures.shared(
         Measure("cells", COUNT, "number of cells that all models share; 0 if the sites differ"),
         Measure("starts", COUNT, "number of starting positions in these cells"),
         Measure("p", NUMBER, _OVERALL, null="without shared cells"),
-        Measure("questions", COUNT, "number of p-values in the correction of the pairs", lambda ranking: ranking.pairs),
+        Measure("questions", COUNT, "number of p-values in the correction of the pairs", "pairs"),
         Measure("models", objects(RANKED), "one object per model, the best first"),
     ),
 )

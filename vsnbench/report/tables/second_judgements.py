@@ -41,7 +41,7 @@ DIFFERING = Measures(
         Measure(
             "", CELL, of=lambda row: Cell(str(row["episode"]), row["episode"], (row["episode"],)), heading="episode"
         ),
-        Measure("", TEXT, of=lambda row: row["rater"], heading="rater"),
+        Measure("", TEXT, of="rater", heading="rater"),
         Measure("episode", COUNT, "number of the episode"),
         Measure("goal", TEXT, "goal of the episode", heading="goal", note="", rank=2),
         Measure("start", COUNT, "number of the starting position", heading="start", note="", rank=3),

@@ -32,8 +32,8 @@ from vsnbench.report.wording import compared
 RECOUNT = Measures.shared(
     "recount",
     (
-        Measure("counted", TEXT, "rule or part of the episodes", lambda recount: recount.label),
-        *rates(lambda recount: recount.proportion, lambda recount: recount.interval),
+        Measure("counted", TEXT, "rule or part of the episodes", "label"),
+        *rates("proportion", "interval"),
         Measure(
             "bound",
             FLAG,
@@ -46,12 +46,12 @@ _LATER = "share of pairs of a success and a failure in which the success is late
 DRIFT = Measures.shared(
     "drift",
     (
-        Measure("p", NUMBER, "p-value of no trend", lambda drift: drift.trend.p),
-        Measure("least_p", NUMBER, "smallest p-value that the design can give", lambda drift: drift.trend.least_p),
-        Measure("exact", FLAG, "the p-value is exact", lambda drift: drift.trend.exact),
-        Measure("success_later", NUMBER, _LATER, lambda drift: drift.trend.later, null="without pairs"),
+        Measure("p", NUMBER, "p-value of no trend", "trend.p"),
+        Measure("least_p", NUMBER, "smallest p-value that the design can give", "trend.least_p"),
+        Measure("exact", FLAG, "the p-value is exact", "trend.exact"),
+        Measure("success_later", NUMBER, _LATER, "trend.later", null="without pairs"),
         Measure("difference", NUMBER, "success rate of the last third minus that of the first"),
-        Measure("ci", intervals(), "the 95 % interval of the difference", lambda drift: drift.interval),
+        Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
         Measure("thirds", objects(RECOUNT), "recounts of the first, second and last third"),
     ),
 )

@@ -55,7 +55,7 @@ RANKS = Measures(
             "ci",
             intervals(2, 1),
             "the 95 % interval of rho",
-            lambda ranks: ranks.interval,
+            "interval",
             heading="95 % interval",
             note=_JACKKNIFE,
             rank=3,
@@ -66,25 +66,13 @@ _PLAIN, _WITH = "mean over the cells with real trials", "prediction-powered succ
 _TUNING, _SAVED = "weight of the simulated results, 0 to 1", "additional real cells that would give the same precision"
 POWERED = Measures(
     (
-        Measure("plain_success_rate", percents(), _PLAIN, lambda gain: gain.plain_rate, heading="real SR %", rank=1),
+        Measure("plain_success_rate", percents(), _PLAIN, "plain_rate", heading="real SR %", rank=1),
         Measure(
-            "plain_ci",
-            intervals(),
-            "its 95 % interval",
-            lambda gain: gain.plain_interval,
-            heading="95 % interval",
-            note="",
-            rank=1,
+            "plain_ci", intervals(), "its 95 % interval", "plain_interval", heading="95 % interval", note="", rank=1
         ),
-        Measure("success_rate", percents(), _WITH, lambda gain: gain.rate, heading="PPI++ SR %", rank=1),
+        Measure("success_rate", percents(), _WITH, "rate", heading="PPI++ SR %", rank=1),
         Measure(
-            "ci",
-            intervals(),
-            "the 95 % interval of this rate",
-            lambda gain: gain.interval,
-            heading="95 % interval",
-            note="",
-            rank=1,
+            "ci", intervals(), "the 95 % interval of this rate", "interval", heading="95 % interval", note="", rank=1
         ),
         Measure(
             "tuning", Form({"type": "number"}, lambda tuning: decimal(tuning, 2)), _TUNING, heading="tuning", rank=3
@@ -94,7 +82,7 @@ POWERED = Measures(
             "cells_saved",
             Form({"type": "number"}, lambda cells: decimal(cells, 1)),
             _SAVED,
-            lambda gain: gain.saved,
+            "saved",
             heading="cells saved",
             rank=1,
         ),
@@ -140,20 +128,12 @@ _POINTS_NOTE = "difference in success rate, points; for shared cells the mean ov
 SIM_VS_REAL = Measures.shared(
     "sim_vs_real",
     (
-        Measure("", TEXT, of=lambda pair: pair.real.model, heading="model"),
+        Measure("", TEXT, of="real.model", heading="model"),
         Measure("", TEXT, of=lambda pair: listed(pair.goals), heading="goals", rank=4),
-        Measure(
-            "real", TEXT, "name of the real condition", lambda pair: pair.real.name, heading="real", note="", rank=3
-        ),
+        Measure("real", TEXT, "name of the real condition", "real.name", heading="real", note="", rank=3),
         *_rates("first", "real"),
         Measure(
-            "simulated",
-            TEXT,
-            "name of the simulated condition",
-            lambda pair: pair.simulated.name,
-            heading="simulated",
-            note="",
-            rank=3,
+            "simulated", TEXT, "name of the simulated condition", "simulated.name", heading="simulated", note="", rank=3
         ),
         *_rates("second", "simulated"),
         Measure("goals", TEXTS, "goals with real and simulated trials"),
@@ -162,7 +142,7 @@ SIM_VS_REAL = Measures.shared(
             "ci",
             intervals(),
             "the 95 % interval of the difference",
-            lambda pair: pair.interval,
+            "interval",
             heading="95 % interval",
             note=_NEWCOMBE,
         ),
@@ -170,19 +150,9 @@ SIM_VS_REAL = Measures.shared(
         Measure("", COUNT, of=lambda pair: _cells(pair) or None, heading="shared cells", rank=2),
         Measure("agreement", an_object(AGREEMENT), "agreement of the shared cells", null="without any"),
         Measure(
-            "rank_correlation",
-            an_object(RANKS),
-            "correlation of the shared cells' rates",
-            lambda pair: pair.ranks,
-            null="without any",
+            "rank_correlation", an_object(RANKS), "correlation of the shared cells' rates", "ranks", null="without any"
         ),
-        Measure(
-            "prediction_powered",
-            an_object(POWERED),
-            _ESTIMATE,
-            lambda pair: pair.powered,
-            null="if the simulation adds nothing",
-        ),
+        Measure("prediction_powered", an_object(POWERED), _ESTIMATE, "powered", null="if the simulation adds nothing"),
     ),
 )
 

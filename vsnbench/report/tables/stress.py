@@ -40,10 +40,10 @@ _LOST = Measures(
 _EFFECT = Measures(
     (
         Measure("measure", TEXT, "`SPL` or `progress`"),
-        Measure("undisturbed", NUMBER, "mean without the disturbance", lambda effect: effect.first),
-        Measure("disturbed", NUMBER, "mean with the disturbance", lambda effect: effect.second),
-        Measure("loss", NUMBER, "undisturbed minus disturbed mean", lambda effect: effect.difference),
-        Measure("ci", intervals(), "the 95 % interval of the loss", lambda effect: effect.interval),
+        Measure("undisturbed", NUMBER, "mean without the disturbance", "first"),
+        Measure("disturbed", NUMBER, "mean with the disturbance", "second"),
+        Measure("loss", NUMBER, "undisturbed minus disturbed mean", "difference"),
+        Measure("ci", intervals(), "the 95 % interval of the loss", "interval"),
     )
 )
 
@@ -77,22 +77,8 @@ def _losses(measures: Sequence[str] = ()) -> Measures:
     """Return the measures of a `Loss`, with the losses in some other quantities as columns."""
     return Measures(
         (
-            Measure(
-                "disturbance",
-                TEXT,
-                "name of the disturbance",
-                lambda loss: loss.disturbance.name,
-                heading="disturbance",
-                note="",
-            ),
-            Measure(
-                "severity",
-                _SEVERITY,
-                "severity, from 1",
-                lambda loss: loss.disturbance.severity,
-                heading="severity",
-                note="",
-            ),
+            Measure("disturbance", TEXT, "name of the disturbance", "disturbance.name", heading="disturbance", note=""),
+            Measure("severity", _SEVERITY, "severity, from 1", "disturbance.severity", heading="severity", note=""),
             Measure(
                 "",
                 TEXT,
@@ -100,8 +86,8 @@ def _losses(measures: Sequence[str] = ()) -> Measures:
                 heading="value",
                 rank=1,
             ),
-            Measure("value", _PLAIN, _VALUE, lambda loss: loss.disturbance.value),
-            Measure("unit", TEXT, "unit of `value`", lambda loss: loss.disturbance.kind.unit),
+            Measure("value", _PLAIN, _VALUE, "disturbance.value"),
+            Measure("unit", TEXT, "unit of `value`", "disturbance.kind.unit"),
             Measure("campaigns", NUMBERS, "numbers of the pooled disturbed campaigns"),
             Measure(
                 "successes",
@@ -122,32 +108,26 @@ def _losses(measures: Sequence[str] = ()) -> Measures:
                 rank=2,
             ),
             Measure(
-                "loss",
-                decimals(1, 100),
-                _LOSS,
-                lambda loss: loss.rate.difference,
-                null="without any",
-                heading="loss",
-                note=_LOSS_NOTE,
+                "loss", decimals(1, 100), _LOSS, "rate.difference", null="without any", heading="loss", note=_LOSS_NOTE
             ),
             Measure(
                 "ci",
                 intervals(1),
                 "the 95 % interval of the loss",
-                lambda loss: loss.rate.interval,
+                "rate.interval",
                 heading="95 % interval",
                 note=_INTERVAL_NOTE,
             ),
-            Measure("p", NUMBER, "p-value before correction", lambda loss: loss.rate.p),
+            Measure("p", NUMBER, "p-value before correction", "rate.p"),
             Measure(
                 "adjusted_p",
                 P,
                 _HOLM,
-                lambda loss: loss.rate.adjusted_p,
+                "rate.adjusted_p",
                 heading="Holm p",
                 note="two-sided, corrected for all rows of the table",
             ),
-            Measure("conclusion", TEXT, _CONCLUSION, lambda loss: loss.rate.conclusion),
+            Measure("conclusion", TEXT, _CONCLUSION, "rate.conclusion"),
             Measure("effects", objects(_EFFECT), "losses in other measures, one object each"),
             *map(_effect_loss, measures),
             Measure("changed", COUNT, _CHANGED),
@@ -160,7 +140,7 @@ def _losses(measures: Sequence[str] = ()) -> Measures:
 
 _HARM = Measures(
     (
-        Measure("disturbance", TEXT, "name of the disturbance", lambda harm: harm.name),
+        Measure("disturbance", TEXT, "name of the disturbance", "name"),
         Measure("mean_loss", _PLAIN, "mean loss of success rate over its severities"),
         Measure("examples", objects(_LOST), "at most three lost trials"),
     )
@@ -168,23 +148,11 @@ _HARM = Measures(
 _UNSEEN = "disturbances that were left out because the model does not use what they change"
 STRESSED = Measures(
     (
-        *CONDITION.within(lambda model: model.undisturbed.condition),
-        Measure(
-            "campaigns",
-            NUMBERS,
-            "numbers of the pooled undisturbed campaigns",
-            lambda model: model.undisturbed.condition.campaigns,
-        ),
-        Measure(
-            "undisturbed",
-            an_object(GROUP),
-            "summary of the trials without disturbances",
-            lambda model: model.undisturbed.total,
-        ),
+        *CONDITION.within("undisturbed.condition"),
+        Measure("campaigns", NUMBERS, "numbers of the pooled undisturbed campaigns", "undisturbed.condition.campaigns"),
+        Measure("undisturbed", an_object(GROUP), "summary of the trials without disturbances", "undisturbed.total"),
         Measure("unseen", TEXTS, _UNSEEN),
-        Measure(
-            "disturbances", objects(_losses()), "one object per disturbance and severity", lambda model: model.losses
-        ),
+        Measure("disturbances", objects(_losses()), "one object per disturbance and severity", "losses"),
         Measure("most_harmful", objects(_HARM), "disturbances with the largest mean losses, at most three"),
     )
 )
