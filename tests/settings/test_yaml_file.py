@@ -96,22 +96,6 @@ def test_a_missing_file_is_an_error_of_the_given_class(tmp_path: Path) -> None:
     assert refused.value.code == "unreadable-file"
 
 
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("name: [\n", "invalid-yaml"),
-        ("- a\n", "invalid-yaml"),
-        ("nam: a\n", "unknown-field"),
-        ("wheels: []\n", "missing-field"),
-        ("name: 3\n", "invalid-field"),
-    ],
-)
-def test_an_error_has_the_code_of_its_kind(text: str, code: str) -> None:
-    with pytest.raises(SiteError) as refused:
-        parse(text)
-    assert refused.value.code == code
-
-
 def merge_bomb(levels: int) -> str:
     merged = (f"a{level}: &a{level}\n  <<: [{', '.join([f'*a{level - 1}'] * 9)}]" for level in range(1, levels))
     return "\n".join(["a0: &a0 {k: 1}", *merged])

@@ -146,8 +146,3 @@ def test_a_card_whose_camera_is_no_camera_is_refused_in_one_line(tmp_path: Path,
     assert done.returncode == 1
     assert "TrainedCamera" in done.stderr
     assert done.stderr.count("\n") == 1
-
-
-def test_an_unknown_robot_is_not_compared(tmp_path: Path) -> None:
-    done = vsnbench(tmp_path, "models", "check", "forward", "--robot", "nosuch")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
