@@ -69,34 +69,6 @@ def test_values_are_passed_to_child_processes_unless_the_environment_has_them(
     assert environment == {"VSNBENCH_ROBOT": "turtlebot2", "VSNBENCH_SITE": "lab.yaml"}
 
 
-@pytest.mark.parametrize(
-    ("text", "code", "detail"),
-    [
-        ('robots = "lola2"', "unknown-config-key", "'robot'"),
-        ("[cluster]\nworker = 3", "unknown-config-key", "'cluster.workers'"),
-        ("console = 8710", "invalid-config", "[console]"),
-        ("[console]\nport = 70000", "invalid-config", "console.port"),
-        ("[console]\nport = true", "invalid-config", "console.port"),
-        ("[cluster]\nworkers = 1.5", "invalid-config", "cluster.workers"),
-        ("[isolation]\nmemory_gib = nan", "invalid-config", "isolation.memory_gib"),
-        ("[isolation]\npython = 3", "invalid-config", "isolation.python"),
-        ("[isolation]\nhide_results = 1", "invalid-config", "isolation.hide_results"),
-        ("robot = 3", "invalid-config", "robot"),
-        ('robot = ""', "invalid-config", "robot"),
-        ('site = "a\\nb"', "invalid-config", "site"),
-        ("robot = lola2", "invalid-config", "line 1"),
-        ("[" * 5000, "invalid-config", ""),
-    ],
-)
-def test_an_invalid_file_is_refused_with_its_name(tmp_path: Path, text: str, code: str, detail: str) -> None:
-    (tmp_path / FILE_NAME).write_text(text)
-    with pytest.raises(UsageError) as refused:
-        read_config_file(tmp_path / FILE_NAME)
-    assert refused.value.code == code
-    assert FILE_NAME in str(refused.value)
-    assert detail in str(refused.value)
-
-
 def test_the_default_results_directory_is_next_to_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / FILE_NAME).write_text('site = "lab.yaml"\n')
     (tmp_path / "walker").mkdir()

@@ -110,26 +110,6 @@ def test_a_run_says_what_it_keeps(
         assert answer.err.count(said) == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (("--keep", "some"), "all, images, none"),
-        (("--keep", "images", "--live"), "--live"),
-    ],
-)
-def test_what_cannot_be_kept_is_refused_in_one_line(
-    words: tuple[str, ...],
-    reason: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / "new"))
-    assert answer.code == 2
-    assert reason in answer.err
-    assert not (tmp_path / "new").exists()
-
-
 def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tests.robots import test_registry
 
