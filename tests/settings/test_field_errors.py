@@ -8,7 +8,8 @@ import pytest
 from pydantic import BaseModel
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.settings.yaml_file import SettingsFault, text_faults
+from vsnbench.settings.validation import SettingsFault
+from vsnbench.settings.yaml_file import text_faults
 from vsnbench.settings.yaml_text import dump_yaml, load_yaml
 from vsnbench.sites.site import Site
 from vsnbench.values.robot_profile import RobotProfile
