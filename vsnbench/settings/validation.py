@@ -112,7 +112,7 @@ def validated(
     return settings
 
 
-def first_error(problem: ValidationError, model: type[BaseModel]) -> tuple[str, FieldError]:
+def first_error(problem: ValidationError, model: type) -> tuple[str, FieldError]:
     """Return the field of the first error in values that are not from a file, such as `camera.width`, and the error."""
     location, error = describe_errors(problem.errors()[0], model)[0]
     return ".".join(map(str, location)), error

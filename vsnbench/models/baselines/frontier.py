@@ -6,18 +6,18 @@ is learned apart from the detector.
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.contract import ModelCard
 from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.map_regions import frontier_away_from
 from vsnbench.models.vlv.move import Mode, Move
 from vsnbench.models.vlv.planner import Planner, Point
-from vsnbench.models.vlv.policy import ModularPolicy
+from vsnbench.models.vlv.policy import MODULAR_CARD, ModularPolicy
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.models.vlv.value.estimate import NoValue
@@ -34,8 +34,7 @@ _SAME_FRONTIER_M: Final = 0.3
 class Frontier(ModularPolicy):
     """The number that a learned model should beat."""
 
-    name: ClassVar = "frontier"
-    default_card: ClassVar = ModelCard("frontier", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
+    card = replace(MODULAR_CARD, name="frontier")
 
     def __init__(self, model_config: str | Path | VLVSettings | None = None, device: str = "auto") -> None:
         """Open the detector that the settings choose.

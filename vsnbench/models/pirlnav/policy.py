@@ -22,10 +22,10 @@ from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
-from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.observation import Observation, Sensor
 
 logger = logging.getLogger(__name__)
@@ -75,13 +75,16 @@ class _Episode:
 class PIRLNav(BatchPolicy):
     """The first model of the paper."""
 
-    known_goals: ClassVar = tuple(GOALS)
-    needed_sensors: ClassVar = (Sensor.RGB, Sensor.ODOMETRY)
-    default_card: ClassVar = ModelCard("pirlnav", forward_m=0.25, turn_deg=30.0, camera=HABITAT_CAMERA)
+    card = ModelCard(
+        "pirlnav",
+        goals=frozenset(GOALS),
+        sensors=frozenset({Sensor.RGB, Sensor.ODOMETRY}),
+        forward_m=0.25,
+        turn_deg=30.0,
+        camera=HABITAT_CAMERA,
+    )
     weights_file: ClassVar = "pirlnav.ckpt"
     settings_class: ClassVar = PIRLNavSettings
-
-    card: ModelCard
 
     def __init__(
         self,
@@ -117,15 +120,11 @@ class PIRLNav(BatchPolicy):
         self._image_size_px = checkpoint.architecture.image_size_px
         self._localiser = Localiser(settings)
         self._settings = settings
-        self.card = ModelCard(
-            name="pirlnav",
-            goals=frozenset(self.known_goals),
-            sensors=frozenset(self.needed_sensors),
+        self.card = replace(
+            self.card,
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
-            forward_m=self.default_card.forward_m,
-            turn_deg=self.default_card.turn_deg,
             camera=trained_camera(checkpoint),
             runs_on={
                 "device": self.chosen.device,
@@ -152,7 +151,7 @@ class PIRLNav(BatchPolicy):
 
         checkpoint = _checkpoint_at(weights)
         checked = check_checkpoint(checkpoint, _settings_from(model_config), device)
-        return replace(checked, card=replace(cls.default_card, camera=trained_camera(checkpoint)))
+        return replace(checked, card=replace(cls.card, camera=trained_camera(checkpoint)))
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode. With `as_published`, the odometry continues from the previous one.
