@@ -15,7 +15,6 @@ from vsnbench.models.contract import ModelCard, ModelCheck, Policy
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
-from vsnbench.models.vlv.move import Move
 from vsnbench.models.vlv.planner import Planner
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
@@ -110,26 +109,28 @@ class ModularPolicy(Policy):
             item for item in detections if item.label == self._class and item.score >= self._reliability.threshold
         )
         value = self._value.of(observation.rgb, self._class) if self._value.reads_images else 0.0
-        move = self._search.step(observation, goals, value)
-        return Decision(move.action, diagnostics=self._diagnostics(self._search, move, detections, value))
+        decision = self._search.step(observation, goals, value)
+        shown = self._shown(self._search, decision.diagnostics, detections, value)
+        return replace(decision, diagnostics=shown)
 
-    def _diagnostics(self, search: Search, move: Move, detections: tuple[Detection, ...], value: float) -> Diagnostics:
-        return Diagnostics(
+    def _shown(
+        self, search: Search, explained: Diagnostics, detections: tuple[Detection, ...], value: float
+    ) -> Diagnostics:
+        """Return the diagnostics of the search with detections, map and candidates."""
+        return replace(
+            explained,
             boxes=tuple(Box(*item.box, GOAL_OF_CLASS.get(item.label, item.label), item.score) for item in detections),
             map=search.map.grid_map(),
-            sub_goal=move.sub_goal,
-            path=move.path,
             nodes=tuple(search.graph.nodes),
             scalars={"value": value, "open_candidates": float(len(search.graph.open_candidates))},
-            note=f"{move.mode}: {move.note}",
-            details={"mode": move.mode.value, "detector": self._detector.name, **search.details()},
+            details={**explained.details, "detector": self._detector.name, **search.details()},
         )
 
     def _record(self) -> Mapping[str, Any]:
         """Return the settings and the detector's identity, without the path of its file."""
         return self.settings.model_dump(mode="json", exclude={"detector_weights"}) | {
             "replan_growth_m": 0.1,  # a former setting that nothing read; without it, campaigns get other keys
-            "detector": self._detector.kind.value,
+            "detector": self._detector.kind,
             "detector_settings": dict(self._detector.settings),
             "detector_sha256": self._detector.weights_sha256,
         }
