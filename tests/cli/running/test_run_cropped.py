@@ -110,7 +110,7 @@ def test_a_run_names_each_difference_of_the_camera(runs: Runs) -> None:
     [
         ("crop", (), "forward", "no field of view"),
         ("crop", ("--robot", "simulated:stretch@200x600"), NARROW, "horizontally"),
-        ("stretch", (), NARROW, "full or crop"),
+        ("stretch", (), NARROW, "'full' or 'crop'"),
     ],
 )
 def test_an_impossible_crop_is_one_line_and_writes_nothing(

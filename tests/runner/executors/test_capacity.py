@@ -8,7 +8,6 @@ from tests.runner.stand_ins import PROFILE
 from vsnbench.errors import UsageError
 from vsnbench.models.checkpoints.torch_runtime import GpuMemory
 from vsnbench.models.contract import ModelCard
-from vsnbench.results.writing.campaigns import ModelIdentity
 from vsnbench.runner.executors.capacity import (
     FEWEST_TRIALS,
     GIB,
@@ -28,7 +27,7 @@ BOX = Capacity(cores=4, free_bytes=4 * GIB)
 def prepared(bytes_each: int, device: str = "cpu", gpu: GpuMemory | None = None) -> Prepared:
     card = ModelCard("big", runs_on={"device": device})
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    described = SetupDescription(robot, frozenset(), {}, card, ModelIdentity("big"), ("chair",))
+    described = SetupDescription(robot, frozenset(), {}, card, ModelCard("big"), ("chair",))
     return Prepared(described, bytes_each - RUNNING_BYTES, gpu)
 
 
