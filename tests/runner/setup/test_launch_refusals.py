@@ -11,6 +11,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.operator.provider import TerminalOperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.settings.yaml_text import dump_yaml
 from vsnbench.sites.site import load_site
 
@@ -22,9 +23,8 @@ def request(tmp_path: Path, **changes: object) -> RunRequest:
     path = tmp_path / "flat.yaml"
     path.write_text(dump_yaml(content), encoding="utf-8")
     results = ResultsDirectory.locate(tmp_path / "results", None)
-    return RunRequest(
-        "random", ("chair",), results, site=str(path), starts="1", parameters=ProtocolParameters(max_actions=2)
-    )
+    setup = TrialSetupSpec(load_site(str(path)), "random", ("chair",), parameters=ProtocolParameters(max_actions=2))
+    return RunRequest(setup, results, site=str(path), starts=(1,))
 
 
 def test_a_missing_wall_is_refused_and_nothing_is_written(tmp_path: Path) -> None:

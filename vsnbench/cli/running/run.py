@@ -108,34 +108,41 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.operator.provider import TerminalOperatorProvider
     from vsnbench.runner.setup.request import RunRequest
+    from vsnbench.runner.setup.selection import choose_starts, named_site
+    from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 
-    page = operator_page(console)
-    request = RunRequest(
+    page, config, first_site = operator_page(console), load_config(), named_site(sites[0])
+    directory = results_directory(results, db)
+    setup = TrialSetupSpec(
+        site=first_site,
         model=models[0],
         goals=tuple(goal),
-        results=results_directory(results, db),
-        site=sites[0],
         robot=robot,
-        starts=",".join(starts) if starts else None,
-        repetitions=repetitions,
-        parameters=load_protocol(protocol).limited_to(max_steps),
-        device=load_config().models.device,
-        seed=seeds[0],
         noise=noise,
-        disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
-        fit=fit_of(load_config()),
+        disturbances=parse_disturbances(disturb or ()),
+        parameters=load_protocol(protocol).limited_to(max_steps),
         model_options=trial.model_options(weights, model_config),
-        act_timeout_s=load_config().models.act_timeout_s,
-        isolation=None if isolate is None else _isolation(isolate, results_directory(results, db)),
+        device=config.models.device,
+        act_timeout_s=config.models.act_timeout_s,
+        isolation=None if isolate is None else _isolation(isolate, directory),
+        fit=fit_of(config),
+        keep=what_to_keep(keep, robot, live=live, has_operator=page is not None or rehearse),
+    )
+    request = RunRequest(
+        setup=setup,
+        results=directory,
+        site=sites[0],
+        starts=choose_starts(",".join(starts), first_site) if starts else (),
+        repetitions=repetitions,
+        seed=seeds[0],
         workers=requested_workers(workers),
-        keep=what_to_keep(keep, live=live),
         attended=page is not None,
         fail_fast=fail_fast,
     )
     if len(models) * len(seeds) * len(sites) == 1:
-        provider = TerminalOperatorProvider(unattended, page)
-        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json), summary_console())
+        provider, single = TerminalOperatorProvider(unattended, page), request.at(sites[0], first_site)
+        run_and_exit(lambda: _run_and_report(single, provider, live=live, as_json=as_json), summary_console())
     if page is not None:
         raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
     from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console

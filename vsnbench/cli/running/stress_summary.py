@@ -78,8 +78,8 @@ def _stressed(
     found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
     for campaign in swept:
         if campaign.launched is not None:
-            own = found.setdefault((campaign.request.model, campaign.request.site), {})
-            own.setdefault(campaign.request.disturbances, []).append(campaign.launched.campaign.id)
+            own = found.setdefault((campaign.request.setup.model, campaign.request.site), {})
+            own.setdefault(campaign.request.setup.disturbances, []).append(campaign.launched.campaign.id)
     numbers = [number for own in found.values() for several in own.values() for number in several]
     if not numbers:
         return []

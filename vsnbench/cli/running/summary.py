@@ -87,7 +87,7 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
     """Return the summary of a campaign as JSON fields."""
     result, trials = launched.result, len(launched.campaign.trials)
     return {
-        "model": request.model,
+        "model": request.setup.model,
         "site": request.site,
         "seed": request.seed,
         "results": str(request.results.path),

@@ -62,7 +62,7 @@ def run_planned(sweep: Sweep, request: RunRequest, *, live: bool = False) -> lis
             pace = time_models(sweep, pace, TerminalOperatorProvider(unattended=True))
         cost = cost_of(sweep, pace)
     console.print(cost_line(cost))
-    console.print(f"[dim]--keep {request.files_to_keep}: {request.files_to_keep.description}[/dim]")
+    console.print(f"[dim]--keep {request.setup.keep}: {request.setup.keep.description}[/dim]")
     if note := request.results.new_record_note:
         console.print(f"[dim]{escape(note)}[/dim]")
     with RerunEpisodes(live=live) as viewer:
@@ -80,7 +80,7 @@ def _fields_of(campaign: Swept) -> dict[str, object]:
     if campaign.launched:
         return fields_of(campaign.launched, campaign.request)
     request = campaign.request
-    shared = {"model": request.model, "site": request.site, "seed": request.seed}
+    shared = {"model": request.setup.model, "site": request.site, "seed": request.seed}
     return shared | ({"skipped": True} if campaign.is_skipped else {"error": campaign.error})
 
 

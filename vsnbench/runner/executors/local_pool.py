@@ -100,7 +100,7 @@ class LocalPool(TrialPool):
                 self._end_surplus(1)
             for worker in self._workers:
                 worker.order_setup(self._order)
-            self._start(capacity.initial_count(request, spec.model_options.get("device")) - len(self._workers))
+            self._start(capacity.initial_count(request, spec.options.get("device")) - len(self._workers))
             first = self._await_first()
             self.description = first.description
             self._count = choose_count(request, capacity, first, len(self._workers))

@@ -175,7 +175,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
     Raises:
         UsageError: another device was requested.
     """
-    device = spec.model_options.get("device") or "auto"
+    device = spec.options.get("device") or "auto"
     if device not in ("auto", "cpu") and not gpus_each:
         raise UsageError(
             f"device {device}: workers of a cluster hold no GPU by default",
@@ -186,7 +186,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
         raise UsageError(f"gpus_per_worker = {gpus_each:g} conflicts with device cpu", advice="remove one of them")
     if device != "auto" or not spec.model_takes("device"):
         return spec
-    return replace(spec, model_options={**spec.model_options, "device": "cuda" if gpus_each else "cpu"})
+    return replace(spec, model_options={**spec.options, "device": "cuda" if gpus_each else "cpu"})
 
 
 @dataclass(frozen=True, slots=True)

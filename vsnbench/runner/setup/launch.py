@@ -4,7 +4,7 @@ import logging
 import os
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.free_space import free_space
@@ -28,16 +28,7 @@ from vsnbench.runner.operator.progress import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
 from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.request import RunRequest
-from vsnbench.runner.setup.selection import (
-    check_goal_starts,
-    choose_starts,
-    is_surveyed,
-    max_goals,
-    named_site,
-    plan_trials,
-    present_goals,
-    resolve_goals,
-)
+from vsnbench.runner.setup.selection import is_surveyed, plan_trials
 from vsnbench.runner.setup.trial_setup import (
     SetupDescription,
     warn_of_assumptions,
@@ -54,12 +45,6 @@ from vsnbench.sites.site import Site
 logger = logging.getLogger(__name__)
 
 
-class NoGoalPresentError(UsageError):
-    """A generated site of a sweep has none of the requested goals."""
-
-    code = "no-goal-present"
-
-
 @dataclass(frozen=True, slots=True)
 class Launched:
     """A campaign and the result of the session that has just ended."""
@@ -74,7 +59,7 @@ def launch(
     viewer: EpisodeViewer | None = None,
     shared: SharedWorkers | None = None,
 ) -> Launched:
-    """Run the remaining trials of a campaign.
+    """Run the remaining trials of a campaign, whose request is for its site (`RunRequest.at`).
 
     `viewer` shows or copies the episodes, where copies are kept; `shared` are workers that other campaigns use as well.
 
@@ -83,26 +68,19 @@ def launch(
         VsnbenchError: the site, model, robot or results cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    check_before_opening(request.disturbances, request.robot, rehearsal=request.rehearsal)
+    spec = request.setup
+    check_before_opening(spec.disturbances, spec.robot, rehearsal=spec.rehearsal)
     note = "" if os.environ.get(TEMPORARY_RESULTS) else request.results.new_record_note
-    site = named_site(request.site)
-    if request.skips_absent_goals:
-        request = _without_absent_goals(request, site)
-    starts = choose_starts(request.starts, site)
-    if request.starts is not None:
-        check_goal_starts(resolve_goals(request.goals, site), starts, site)
-    parameters = request.parameters
+    site, parameters = spec.site, spec.parameters
     surveyed = is_surveyed(request.site)
     if surveyed:
         _check_findings(request.site, layout_findings(site))
-    spec = request.setup_spec(site)
-    if request.isolation is not None:
+    if spec.isolation is not None:
         hide_memory()  # of this process; the model's process hides its own
-    if request.files_to_keep is not KeepFiles.ALL:
+    if spec.keep is not KeepFiles.ALL:
         viewer = None
-    trials = max_goals(request.goals, site) * len(starts) * request.repetitions
     live = viewer is not None and viewer.is_live
-    workers = worker_request(request.workers, spec, trials, live=live, attended=request.attended)
+    workers = worker_request(request.workers, spec, request.max_trials, live=live, attended=request.attended)
     if isinstance(workers, ClusterRequest) or workers.limit > 1:
         get_ready(request.results.database_url)  # while the workers start
     with ExitStack() as stack:
@@ -111,7 +89,7 @@ def launch(
         warn_of_default_weights(description)
         warn_of_assumptions(description.card, parameters)
         warn_of_camera(description)
-        warn_of_unused(request.disturbances, description.card.name, description.card.sensors)
+        warn_of_unused(spec.disturbances, description.card.name, description.card.sensors)
         _check_keep(request, description)
         if surveyed:
             check_survey(request.site, site, description.robot.profile.base.radius_m, parameters)
@@ -123,7 +101,7 @@ def launch(
             model=description.model,
             protocol=parameters,
             seed=request.seed,
-            trials=plan_trials(description.goals, starts, request.repetitions, site.excluded),
+            trials=plan_trials(description.goals, request.start_numbers, request.repetitions, site.excluded),
             conditions=description.conditions,
         )
         request.results.prepare()
@@ -137,7 +115,7 @@ def launch(
         stop_requests.last_acts.append(backend.halt)
         journal.patience.gives_up = lambda: stop_requests.session_ends
         outcomes = journal.campaign_progress(campaign).outcomes
-        disturbed = f" with {request.disturbances.text}" if request.disturbances else ""
+        disturbed = f" with {spec.disturbances.text}" if spec.disturbances else ""
         session = OperatorSession(
             label=f"{description.card.name} in {site.name}{disturbed}",
             trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
@@ -153,16 +131,12 @@ def launch(
             operator_name=provenance.operator,
             glimpse=backend.glimpse,
             battery=backend.battery,
-            recording_note="\n".join(
-                filter(None, (f"--keep {request.files_to_keep}: {request.files_to_keep.description}", note))
-            ),
+            recording_note="\n".join(filter(None, (f"--keep {spec.keep}: {spec.keep.description}", note))),
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
-        recording = RecordingOptions(request.results, viewer, provenance.operator, request.files_to_keep)
+        recording = RecordingOptions(request.results, viewer, provenance.operator, spec.keep)
         with operators.attend(session) as operator:
-            context = SessionContext(
-                journal, operator, stop_requests, site, parameters, recording, request.disturbances
-            )
+            context = SessionContext(journal, operator, stop_requests, site, parameters, recording, spec.disturbances)
             rules = FollowUpRules(limit, repeats_void_trials=operator.repeats_void_trials)
             source = CampaignSource(journal, campaign, rules)
             stop_reason = run(source, backend.executor(context, campaign), operator)
@@ -187,26 +161,12 @@ def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:
 
 def _check_keep(request: RunRequest, description: SetupDescription) -> None:
     """Refuse to drop the images of a real robot, which cannot be rendered again."""
-    if request.files_to_keep is KeepFiles.NONE and not description.robot.simulated:
+    if request.setup.keep is KeepFiles.NONE and not description.robot.simulated:
         raise UsageError(
             f"--keep none: robot {description.robot.profile.name} is real, so its images cannot be rendered again",
             advice="keep its images: --keep images",
             code="images-needed",
         )
-
-
-def _without_absent_goals(request: RunRequest, site: Site) -> RunRequest:
-    """Return the request with the goals that the site has; logs the others.
-
-    Raises:
-        NoGoalPresentError: the site has none of them.
-    """
-    present, absent = present_goals(request.goals, site)
-    if not present:
-        raise NoGoalPresentError(f"{request.site} has no {' and no '.join(absent)}: skipped")
-    if absent:
-        logger.warning("%s has no %s: no trials with that goal there", request.site, " and no ".join(absent))
-    return replace(request, goals=present)
 
 
 def _check_findings(site: str, findings: Iterable[SiteFinding]) -> None:
