@@ -29,10 +29,10 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import look_ahead
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
 from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
 from vsnbench.runner.setup.selection import plan_trials
 from vsnbench.runner.stopping.requests import StopRequests
@@ -135,10 +135,17 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
         viewer = RerunEpisodes(live=False) if kept is KeepFiles.ALL else None
         recording = RecordingOptions(results, viewer, keep=kept)
         began = time.perf_counter()
-        operator = Counting(tally)
-        context = SessionContext(journal, operator, stop, site, PARAMETERS, recording)
-        executor = InProcessExecutor(context, robot, SingleModel(DrivingModel(Wanderer(), "wanderer")))
-        run(CampaignSource(journal, campaign), executor, operator)
+        model = DrivingModel(Wanderer(), "wanderer")
+        session = Session(
+            journal=journal,
+            robots=InProcessExecutor(robot, lambda _trial: model),
+            recording=recording,
+            site=site,
+            parameters=PARAMETERS,
+            stop_requests=stop,
+            operator=Counting(tally),
+        )
+        run(CampaignSource(session, campaign), session)
         tally.seconds = time.perf_counter() - began
     return tally
 

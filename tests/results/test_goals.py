@@ -17,7 +17,7 @@ from vsnbench.results.reading.queries import episode_details
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Goal, Trial
 from vsnbench.runner.executors.capacity import WorkerOptions
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
@@ -29,7 +29,7 @@ def run(site: Path, goals: str, results: Path, seed: int = 0, model: str = "orac
     directory = ResultsDirectory.locate(results)
     setup = TrialSetupSpec(load_site(site), model, (goals,), keep=KeepFiles.NONE)
     request = RunRequest(setup, directory, starts=(1,), seed=seed, workers=WorkerOptions(1))
-    launch(request.at(str(site), setup.site), TerminalOperatorProvider(unattended=True))
+    launch(request.at(str(site), setup.site), OperatorProvider(unattended=True))
     return directory
 
 

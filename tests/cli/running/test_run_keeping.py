@@ -11,7 +11,7 @@ from vsnbench.cli.support.options import what_to_keep
 from vsnbench.errors import UsageError
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
@@ -139,5 +139,5 @@ def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytes
     setup = TrialSetupSpec(load_site("apartment"), "forward", ("bed",), robot=name, keep=KeepFiles.NONE)
     request = RunRequest(setup, ResultsDirectory.locate(tmp_path / "new"))
     with pytest.raises(UsageError, match="cannot be rendered again"):
-        launch(request, TerminalOperatorProvider(unattended=True))
+        launch(request, OperatorProvider(unattended=True))
     assert not (tmp_path / "new").exists()

@@ -14,8 +14,9 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput
 from vsnbench.runner.executors.capacity import WorkerOptions
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import AbsentOperator, Operator
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession, TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import named_site
 from vsnbench.runner.setup.stress import conditions_of, under_conditions
@@ -31,7 +32,6 @@ from vsnbench.runner.setup.sweep import (
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.sites.site import load_site
-from vsnbench.values.robot_profile import RobotProfile
 
 SETUP = TrialSetupSpec(load_site("apartment"), "forward", ("chair",), keep=KeepFiles.IMAGES)
 REQUEST = RunRequest(SETUP, ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2))
@@ -155,11 +155,11 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
 ) -> None:
     results = ResultsDirectory.locate(tmp_path / "results")
     asked = replace(asked_for(parameters=ProtocolParameters(max_actions=1)), results=results, starts=(1,))
-    operators = TerminalOperatorProvider(unattended=True)
+    operators = OperatorProvider(unattended=True)
     with caplog.at_level(logging.WARNING):
         both = replace(asked_for(asked, goals=("bathtub", "chair")), workers=WorkerOptions(1))
         swept = list(run_sweep(plan_sweep(both, ("forward",), (0,), ("flat:3", "flat:0")), operators))
-        assert [len(each.launched.campaign.trials) for each in swept if each.launched] == [1, 2]
+        assert [each.session.trials for each in swept if each.session] == [1, 2]
         only = asked_for(both, goals=("bathtub",))
         swept = list(run_sweep(plan_sweep(only, ("forward",), (0,), ("flat:3", "flat:0")), operators))
     assert [each.is_skipped for each in swept] == [True, False]
@@ -168,22 +168,18 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
 
 
 def test_ctrl_c_after_the_last_trial_of_a_campaign_ends_the_sweep(tmp_path: Path) -> None:
+    sessions: list[Session] = []
+
     class InterruptedOperators(OperatorProvider):
-        sessions = 0
-
-        def require(self, profile: RobotProfile) -> None:
-            del profile
-
         @contextmanager
-        def attend(self, session: OperatorSession) -> Iterator[Operator]:
-            self.sessions += 1
+        def attend(self, session: Session) -> Iterator[Operator]:
+            sessions.append(session)
             yield AbsentOperator()
             os.kill(os.getpid(), signal.SIGINT)
 
     results = ResultsDirectory.locate(tmp_path / "results")
     one_trial = replace(asked_for(parameters=ProtocolParameters(max_actions=1)), results=results, starts=(1,))
     sweep = plan_sweep(replace(one_trial, workers=WorkerOptions(1)), ("forward",), (0, 1, 2), ("apartment",))
-    operators = InterruptedOperators()
     with pytest.raises(Stopped):
-        list(run_sweep(sweep, operators))
-    assert operators.sessions == 1
+        list(run_sweep(sweep, InterruptedOperators()))
+    assert len(sessions) == 1

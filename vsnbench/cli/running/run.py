@@ -106,7 +106,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.runner.operator.provider import TerminalOperatorProvider
+    from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.selection import choose_starts, named_site
     from vsnbench.runner.setup.trial_setup import TrialSetupSpec
@@ -141,7 +141,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         fail_fast=fail_fast,
     )
     if len(models) * len(seeds) * len(sites) == 1:
-        provider, single = TerminalOperatorProvider(unattended, page), request.at(sites[0], first_site)
+        provider, single = OperatorProvider(unattended, page), request.at(sites[0], first_site)
         run_and_exit(lambda: _run_and_report(single, provider, live=live, as_json=as_json), summary_console())
     if page is not None:
         raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
@@ -178,10 +178,10 @@ def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live
     from vsnbench.viewer.live import RerunEpisodes
 
     with without_prints_of_models(as_json=as_json), RerunEpisodes(live=live) as viewer:
-        launched = launch(request, provider, viewer)
+        result = launch(request, provider, viewer)
         viewer.linger()
     if not (as_json and is_quiet()):
-        print_summary(summary_console(), launched, request)
+        print_summary(summary_console(), result, request)
     if as_json:
-        print_json(fields_of(launched, request))
-    return 1 if launched.result.left or launched.result.elsewhere else 0
+        print_json(fields_of(result, request))
+    return 1 if result.left or result.elsewhere else 0

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 from vsnbench.errors import UsageError, VsnbenchError
@@ -12,14 +11,12 @@ from vsnbench.results.reading.throughput import Throughput
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.capacity import Capacity
 from vsnbench.runner.executors.local_pool import SharedWorkers
-from vsnbench.runner.operator.contract import Operator
-from vsnbench.runner.operator.progress import TrialCounts
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
-from vsnbench.runner.setup.launch import Launched, launch
+from vsnbench.runner.loop.contract import SessionResult
+from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import NoGoalPresentError, RunRequest
 from vsnbench.runner.setup.selection import FLAT, named_goals, named_site
 from vsnbench.sites.site import Site
-from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
 
@@ -51,14 +48,21 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """Result of a campaign of a sweep."""
+    """A campaign of a sweep that was run."""
 
     request: RunRequest
-    launched: Launched | None
-    error: str = ""
-    """Why the campaign could not run."""
-    is_skipped: bool = False
-    """The generated site has none of the goals, so the campaign has no trials."""
+    result: SessionResult | VsnbenchError
+    """An error is why it could not run; NoGoalPresentError is none: the generated site has none of the goals."""
+
+    @property
+    def session(self) -> SessionResult | None:
+        """Result of its session; None if it could not run."""
+        return self.result if isinstance(self.result, SessionResult) else None
+
+    @property
+    def is_skipped(self) -> bool:
+        """Whether it has no trials."""
+        return isinstance(self.result, NoGoalPresentError)
 
 
 def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str]) -> Sweep:
@@ -136,40 +140,20 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
     with SharedWorkers() as shared:
         for number, request in enumerate(sweep, start=1):
             label = f"{number}/{len(sweep)} seed {request.seed}"
-            in_sweep = _SweepOperators(operators, label, before, total)
+            in_sweep = replace(operators, label=label, before=before, of_sweep=total)
             try:
                 yield Swept(request, launch(request.ready(), in_sweep, viewer, shared))
             except NoGoalPresentError as absent:
                 logger.warning("%s", absent)
-                yield Swept(request, None, is_skipped=True)
+                yield Swept(request, absent)
             except VsnbenchError as error:
                 logger.warning("%s: %s", request.label, error)
-                yield Swept(request, None, str(error))
+                yield Swept(request, error)
             before += request.max_trials
-
-
-@dataclass(frozen=True, slots=True)
-class _SweepOperators(OperatorProvider):
-    """Shows the progress of a campaign as a part of the sweep."""
-
-    operators: OperatorProvider
-    label: str
-    before: int
-    """Trials of the campaigns before."""
-    total: int
-    """Trials of the sweep."""
-
-    def require(self, profile: RobotProfile) -> None:
-        self.operators.require(profile)
-
-    def attend(self, session: OperatorSession) -> AbstractContextManager[Operator]:
-        others = TrialCounts(max(self.total - session.trials.total, self.before), self.before)
-        label = f"{self.label}: {session.label}"
-        return self.operators.attend(replace(session, label=label, other_trials=others, recording_note=""))
 
 
 def undone(swept: Sequence[Swept]) -> tuple[int, int]:
     """Return the number of trials of a sweep that are left, and of campaigns that could not run."""
-    results = [campaign.launched.result for campaign in swept if campaign.launched is not None]
-    failed = sum(campaign.launched is None and not campaign.is_skipped for campaign in swept)
+    failed = sum(campaign.session is None and not campaign.is_skipped for campaign in swept)
+    results = [result for campaign in swept if (result := campaign.session) is not None]
     return sum(result.left + result.elsewhere for result in results), failed

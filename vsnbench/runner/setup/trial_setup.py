@@ -122,6 +122,8 @@ class SetupDescription:
     needs_operator: bool = False
     seen_camera: Camera | None = None
     """Camera of the images that the model receives; None if unknown."""
+    sessions: int | None = None
+    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     @property
     def title(self) -> str:
@@ -150,8 +152,6 @@ class TrialSetup:
     robot: Robot
     policy: Policy
     description: SetupDescription
-    sessions: int | None = None
-    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses; a worker gives the driver's command line."""
@@ -220,6 +220,8 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     identity = identity_of(robot)
     camera = identity.profile.camera.without_roll
     crop = crop_for(policy.card, identity.profile.name, camera) if spec.fit is Fit.CROP else None
+    model = policy.policy
+    sessions = model.sessions if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy) else None
     description = SetupDescription(
         robot=identity,
         sensors=robot.sensors,
@@ -233,16 +235,13 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
         goals=spec.goals,
         needs_operator=robot.needs_operator,
         seen_camera=crop or camera,
+        sessions=sessions,
     )
     _check_sensors(description)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
-    model = policy.policy
-    sessions = None
-    if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy):
-        sessions = model.sessions
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, sessions)
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
 
 
 def close_policy(policy: Policy) -> None:
