@@ -111,7 +111,7 @@ def test_only_an_operator_makes_it_real_time(clock: Clock) -> None:
     def waits(operator: Operator) -> bool:
         robot = placed(real_time=False)
         context: Any = SimpleNamespace(operator=operator, journal=None, recording=SimpleNamespace(operator_name=""))
-        InProcessExecutor(context, robot, None)  # type: ignore[arg-type]  # no trial is run
+        InProcessExecutor(robot, None).session_begins(context)  # type: ignore[arg-type]  # no trial is run
         before = clock.sleeps
         robot.execute(Action.TURN_LEFT)
         return clock.sleeps > before
