@@ -107,7 +107,7 @@ def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
             guard = look_ahead(observation, robot.profile.base, PARAMETERS.depth_guard)
             t2 = time.perf_counter()
             blocked = action is Action.MOVE_FORWARD and guard.blocked
-            result = None if blocked else robot.execute(action)
+            result = None if blocked else robot.drive(PARAMETERS.movement_of(action))
             tally.observe_s += t1 - t0
             tally.guard_s += t2 - t1
             tally.execute_s += time.perf_counter() - t2
