@@ -7,7 +7,7 @@ import pytest
 from tests.cli.running.test_run_with_a_person import Seat
 from tests.cli.test_record_verbs import vsnbench
 from tests.results.records_of_a_lab import begun, plan, run, stopped, void
-from vsnbench.report.tables.report_table import goal_distance
+from vsnbench.report.table import goal_distance
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.writing.journal import Journal
 
