@@ -18,7 +18,7 @@ from vsnbench.results.writing.journal import Journal
 
 PROMISED = {
     "id", "uuid", "campaign", "model", "robot", "site", "goal", "start", "repetition", "end_reason", "success",
-    "actions", "distance_to_goal_m", "collision", "path_length_m", "duration_s", "started_at",
+    "actions", "distance_m", "collision", "path_m", "duration_s", "started_at",
 }  # fmt: skip
 """Stable keys of `episodes list --json`."""
 
@@ -63,9 +63,9 @@ def test_the_list_has_what_scripts_were_promised(results: Path) -> None:
     done = vsnbench(results, "episodes", "list", "--json")
     first, second = json.loads(done.stdout)
     assert set(first) >= PROMISED
-    assert (first["end_reason"], first["success"], first["distance_to_goal_m"]) == ("aborted", None, None)
+    assert (first["end_reason"], first["success"], first["distance_m"]) == ("aborted", None, None)
     assert (second["end_reason"], second["success"], second["collision"]) == ("stop", True, False)
-    assert second["path_length_m"] == 0.75
+    assert second["path_m"] == 0.75
 
 
 def test_names_from_the_record_are_printed_as_text(results: Path) -> None:
