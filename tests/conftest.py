@@ -50,6 +50,7 @@ SLOW = frozenset(
         "examples/test_node_policy.py",
         "examples/test_point_robot.py",
         "files/test_disk_cache.py",
+        "golden/test_golden.py",
         "interop/lerobot/test_dataset.py",
         "interop/test_killed_merge.py",
         "interop/test_mcap_file.py",
