@@ -211,7 +211,8 @@ def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> Non
 
 def many_tables() -> list[ReportTable]:
     """Return as many tables as a stress test of six disturbances has."""
-    return [replace(table, name=f"{table.name}-{n}") for n in range(20) for table in reference_tables()]
+    tables = reference_tables()
+    return [replace(table, name=f"{table.name}-{n}") for n in range(20) for table in tables]
 
 
 def test_the_page_is_cleared_before_latex_has_more_floats_than_it_queues() -> None:

@@ -14,8 +14,8 @@ from vsnbench.report.analysis.courses import measure_courses, measures_of
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.compare import compare
-from vsnbench.results.reading.queries import episode_details, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, list_episodes
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
@@ -101,7 +101,7 @@ def test_progress_is_missing_and_not_guessed_where_a_length_is_unknown(lab: Lab)
 def test_one_episode_has_the_measures_of_its_report(lab: Lab) -> None:
     lab.write([attempt(1, success=False, remaining_m=1.0, ends=Pose(5.5, 5.0, math.pi))])
     found, _ = measure_courses(lab.engine(), read(lab.url, Selection()))
-    details = episode_details(lab.engine(), 1)
+    details = episode_record(lab.engine(), 1)
     own = measures_of(lab.engine(), details)
     assert own.stage == found["stage"].tolist()[0]
     assert own.clearance_min_m == found["clearance_min_m"].tolist()[0]

@@ -14,7 +14,8 @@ from vsnbench.protocol.metrics import heading_change_deg_per_m
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.fields import quantity
+from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step
 from vsnbench.sites.site import Site
@@ -48,13 +49,10 @@ class Course:
 class CourseMeasures:
     """Measures of one course; None if unknown."""
 
-    stage: Stage | None
-    """Furthest stage."""
-    clearance_min_m: float | None
-    """Smallest distance from the base's edge to a solid of the map."""
-    clearance_p5_m: float | None
-    """5th percentile of that distance over the path."""
-    heading_change_deg_per_m: float | None
+    stage: Stage | None = quantity("furthest stage: `none`, `seen`, `approached`, `reached` or `stopped`")
+    clearance_min_m: float | None = quantity("smallest distance from the base's edge to a solid of the site")
+    clearance_p5_m: float | None = quantity("5th percentile of that distance over the path")
+    heading_change_deg_per_m: float | None = quantity("change of heading in degrees per metre of path")
 
 
 def site_of(record: ReportData, condition: Condition) -> Site | None:
@@ -155,12 +153,12 @@ def _measured(
         yield int(row["episode"]), *astuple(known)
 
 
-def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
+def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
     """Return the measures of one episode's course."""
-    episode, origin = details.summary, details.provenance
+    origin = episode.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
-    path_m = math.nan if episode.path_length_m is None else episode.path_length_m
+    path_m = math.nan if episode.path_m is None else episode.path_m
     return _measure(ground, course, _approach(ground, episode.goal, course), path_m, episode.success is True)
 
 
