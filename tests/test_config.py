@@ -66,38 +66,6 @@ def test_values_are_passed_to_child_processes_unless_the_environment_has_them(
     assert environment == {"VSNBENCH_ROBOT": "turtlebot2", "VSNBENCH_SITE": "lab.yaml"}
 
 
-@pytest.mark.parametrize(
-    ("text", "code", "words"),
-    [
-        ('# ours\nrobots = "lola2"', "unknown-config-key", "2: robots: unknown field: did you mean robot?"),
-        ("[cluster]\nworker = 3", "unknown-config-key", "2: cluster.worker: unknown field: did you mean workers?"),
-        ("console = 8710", "invalid-config", "1: console: expected a mapping, got 8710: its fields are address, "),
-        ("[console]\nport = 70000", "invalid-config", "2: console.port: must be at most 65535, got 70000: 0 for any "),
-        ("[console]\nport = true", "invalid-config", "2: console.port: expected a whole number, got true"),
-        ("[cluster]\n\nworkers = 1.5", "invalid-config", "3: cluster.workers: expected a whole number, got 1.5"),
-        ("[isolation]\nmemory_gib = nan", "invalid-config", "2: isolation.memory_gib: expected a number, got .nan: "),
-        ("[isolation]\nmemory_gib = inf", "invalid-config", "2: isolation.memory_gib: expected a finite number, got "),
-        ("isolation.memory_gib = 0", "invalid-config", "1: isolation.memory_gib: must be at least 0.1, got 0"),
-        ("[isolation]\npython = 3", "invalid-config", "2: isolation.python: expected text, got 3: write it in quotes"),
-        ("[isolation]\nhide_results = 1", "invalid-config", "2: isolation.hide_results: expected true or false, got 1"),
-        ('[models]\nfit = "cropp"', "invalid-config", "2: models.fit: 'cropp' is not allowed: did you mean crop?"),
-        ("robot = 3", "invalid-config", '1: robot: expected text, got 3: write it in quotes: "3"'),
-        ('robot = ""', "invalid-config", "1: robot: expected printable text, got ''"),
-        ('site = "a\\nb"', "invalid-config", "1: site: expected printable text, got 'a\\nb'"),
-        ("robot = 3\noperator = 4", "invalid-config", 'write it in quotes: "3" (and 1 more)'),
-        ("robot = lola2", "invalid-config", "line 1"),
-        ("[" * 5000, "invalid-config", ""),
-    ],
-)
-def test_an_invalid_file_is_refused_with_line_and_key(tmp_path: Path, text: str, code: str, words: str) -> None:
-    (tmp_path / FILE_NAME).write_text(text)
-    with pytest.raises(UsageError) as refused:
-        read_config_file(tmp_path / FILE_NAME)
-    assert refused.value.code == code
-    assert str(refused.value).startswith(str(tmp_path / FILE_NAME))
-    assert words in str(refused.value)
-
-
 def test_the_default_results_directory_is_next_to_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / FILE_NAME).write_text('site = "lab.yaml"\n')
     (tmp_path / "walker").mkdir()

@@ -11,6 +11,8 @@ from sqlalchemy import Engine
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.report.analysis.summary import Group
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
@@ -161,3 +163,8 @@ def step(number: int, action: Action, raw_action: str = "", *, x_m: float = 0.0,
         observed=Pose(x_m, 0.0),
         world=Fix(Pose(1.0 + x_m, 1.0), PoseSource.SIMULATED),
     )
+
+
+def measured(group: Group, key: str) -> Any:
+    """Return the value of a measure of the success table."""
+    return SUMMARY.named(key).value(group)

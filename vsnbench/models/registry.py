@@ -20,7 +20,7 @@ from vsnbench.values.model.card import copy_of
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
 
-FLAGS = frozenset({"weights", "model_config", "device", "act_timeout"})
+FLAGS = frozenset({"weights", "model_config", "device"})
 """Constructor parameters of a policy that are options of the command line."""
 
 

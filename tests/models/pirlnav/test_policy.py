@@ -192,25 +192,6 @@ def test_settings_come_from_a_file_and_go_into_the_record(tmp_path: Path, small_
     assert policy.card.settings["compass"] == "turns"
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("decision: greedy\ncompas: turns\n", r"pirlnav\.yaml:2: compas: "),
-        ("decision: best\n", r"pirlnav\.yaml:1: decision: "),
-        ("\n\nthreads: 0\n", r"pirlnav\.yaml:3: threads: "),
-        ("decision: [\n", r"pirlnav\.yaml:\d: not valid YAML"),
-        ("- greedy\n", r"pirlnav\.yaml:1: .* must be a mapping with decision, compass"),
-    ],
-)
-def test_a_wrong_setting_is_refused_by_line_and_field(
-    tmp_path: Path, small_checkpoint: Path, text: str, says: str
-) -> None:
-    file = tmp_path / "pirlnav.yaml"
-    file.write_text(text)
-    with pytest.raises(UsageError, match=says):
-        PIRLNav(small_checkpoint, file, "cpu")
-
-
 @pytest.mark.parametrize(("named", "stand_in"), [(None, True), ("embedded", False)])
 def test_the_embedded_weights_call_themselves_what_they_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str | None, stand_in: bool

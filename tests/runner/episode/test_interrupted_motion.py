@@ -35,12 +35,12 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 
 PHASES: dict[str, tuple[type[Any], str, int, bool]] = {
-    "before it begins": (SimulatedRobot, "execute", 2, True),
+    "before it begins": (SimulatedRobot, "drive", 2, True),
     "before its first period": (Physics, "drive", 1, True),
     "after its first period": (Physics, "drive", 1, False),
     "in its middle": (Physics, "drive", 20, True),
     "after its middle": (Physics, "drive", 20, False),
-    "after its end": (SimulatedRobot, "execute", 2, False),
+    "after its end": (SimulatedRobot, "drive", 2, False),
     "while it is located": (SimulatedRobot, "locate", 3, True),
     "when it is located": (SimulatedRobot, "locate", 3, False),
 }
@@ -67,8 +67,6 @@ class Drives(Policy):
 def stop_in(monkeypatch: pytest.MonkeyPatch, phase: str, movement: Action | Waypoint, policy: Drives) -> None:
     """Send SIGINT in a phase of the second movement."""
     kind, name, call, before = PHASES[phase]
-    if name == "execute" and isinstance(movement, Waypoint):
-        name, call = "drive", 1
     original: Callable[..., Any] = getattr(kind, name)
     calls = 0
 

@@ -231,7 +231,7 @@ class IsolatedPolicy(RemotePolicy):
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
 
-        Options are the arguments of the model's constructor, and `act_timeout` for the connection.
+        Options are the arguments of the model's constructor.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.
@@ -239,13 +239,10 @@ class IsolatedPolicy(RemotePolicy):
         """
         if is_address(model):
             raise UsageError(f"model {model} already runs in another process", advice="leave --isolate out")
-        own = {name: value for name, value in options.items() if name != "act_timeout"}
-        self._start = partial(IsolatedProcess.start, model, own, isolation)
+        self._start = partial(IsolatedProcess.start, model, options, isolation)
         self._process = self._start()
         try:
-            super().__init__(
-                model, act_timeout=options.get("act_timeout"), token="", unix_path=self._process.socket_file
-            )
+            super().__init__(model, token="", unix_path=self._process.socket_file)
         except BaseException:
             self._process.close()
             raise

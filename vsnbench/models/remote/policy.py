@@ -71,7 +71,7 @@ class RemotePolicy(Policy):
         Args:
             url: `ws://host:port` or `wss://host:port`.
             model_config: YAML file of `RemoteSettings`.
-            act_timeout: seconds; replaces the settings' `act_timeout_s`.
+            act_timeout: seconds for an action, as `limit_actions`.
             token: the server's token; None for $VSNBENCH_TOKEN.
             unix_path: local socket file to use instead of the address.
 
@@ -80,12 +80,11 @@ class RemotePolicy(Policy):
             ModelError: the server is not that of a model, or refuses.
             ModelLostError: no server answers.
         """
-        given = RemoteSettings()
+        self.settings = RemoteSettings()
         if model_config is not None:
-            given = read_settings(model_config, RemoteSettings, ModelError, "model settings")
+            self.settings = read_settings(model_config, RemoteSettings, ModelError, "model settings")
         if act_timeout is not None:
-            given = RemoteSettings.model_validate({**given.model_dump(), "act_timeout_s": act_timeout})
-        self.settings = given
+            self.limit_actions(act_timeout)
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
         self._acted_on: Connection | None = None
@@ -96,6 +95,10 @@ class RemotePolicy(Policy):
         except ModelError:
             self.close()
             raise
+
+    def limit_actions(self, act_timeout_s: float) -> None:
+        """Replace the settings' time limit for an action, in seconds."""
+        self.settings = RemoteSettings.model_validate({**self.settings.model_dump(), "act_timeout_s": act_timeout_s})
 
     def connect(self) -> Connection:
         """Return a new connection to the server.
