@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tests.report.records import Attempt, Lab, step
+from tests.report.records import Attempt, Lab, measured, step
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.interop.episodes import ExportedEpisode, read_episodes, write_tum
+from vsnbench.interop.episodes import camera_of, read_episodes, write_tum
 from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.interop.rosbag import write_bag
@@ -22,8 +22,9 @@ from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.tables.sim_vs_real import sim_vs_real_table
-from vsnbench.results.reading.queries import campaign_states, episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.model import Episode
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
 
@@ -39,7 +40,7 @@ def lab(tmp_path: Path) -> Lab:
     return Lab(tmp_path)
 
 
-def episodes_of(lab: Lab) -> list[ExportedEpisode]:
+def episodes_of(lab: Lab) -> tuple[Episode, ...]:
     return read_episodes(lab.engine())
 
 
@@ -90,7 +91,8 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert cv2.imwrite(str(directory / "rgb" / "0001.jpg"), np.zeros((3, 4, 3), np.uint8))
     assert cv2.imwrite(str(directory / "depth" / "0001.png"), depth)
     (episode,) = episodes_of(lab)
-    written = write_bag(episode, episode_steps(lab.engine(), episode.id), lab.directory, tmp_path / "e.bag")
+    record = episode_record(lab.engine(), episode.id)
+    written = write_bag(record, episode_steps(lab.engine(), episode.id), lab.directory, tmp_path / "e.bag")
     assert written["/vsnbench/action"] == 3
     assert written["/camera/color/camera_info"] == written["/camera/depth/camera_info"] == 1
     with AnyReader([tmp_path / "e.bag"]) as reader:
@@ -107,7 +109,7 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert ("odom", "base_footprint") in frames
     assert ("base_footprint", "camera_color_optical_frame") in frames
     calibration = heard["/camera/color/camera_info"][0]
-    assert calibration.K[0] == pytest.approx(episode.camera.focal_px)
+    assert calibration.K[0] == pytest.approx(camera_of(record.provenance.robot_profile).focal_px)
     (picture,) = heard["/camera/color/image_raw/compressed"]
     assert cv2.imdecode(picture.data, cv2.IMREAD_COLOR).shape == (3, 4, 3)
 
@@ -151,7 +153,7 @@ def test_an_upstream_log_comes_in_unjudged_with_its_pictures(lab: Lab, tmp_path:
     assert [path.name for path in kept] == ["0001.jpg", "0002.jpg", "0003.jpg"]
     assert abs(int(cv2.imread(str(kept[0])).mean()) - 3) <= 1  # the fourth image is the first of the second episode
     (one,) = summarise(read(lab.url, Selection())).conditions
-    assert (one.total.episodes, one.total.unjudged) == (0, 2)
+    assert (one.total.episodes, measured(one.total, "unjudged")) == (0, 2)
     assert math.isnan(one.total.success_rate)
 
 
@@ -217,7 +219,7 @@ def test_an_import_that_fails_half_way_writes_neither_rows_nor_files(lab: Lab, t
         imported(lab, log)
     with lab.journal() as journal:
         assert list_episodes(journal.engine, EpisodeFilter()) == ()
-        assert campaign_states(journal.engine) == ()
+        assert list_campaigns(journal.engine) == ()
     assert sorted(path.name for path in (lab.directory / "episodes").iterdir()) == ["000002"]
 
 

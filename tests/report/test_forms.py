@@ -21,8 +21,8 @@ from vsnbench.report.formats.json import to_json
 from vsnbench.report.formats.latex import document, latex
 from vsnbench.report.formats.latex import escaped as latex_escaped
 from vsnbench.report.formats.markdown import markdown
+from vsnbench.report.table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.reference import reference_tables
-from vsnbench.report.tables.report_table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.success import goal_table, overview_table
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.values.action import Action

@@ -5,7 +5,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from vsnbench.settings.yaml_file import SettingsFault, text_faults
+from vsnbench.settings.validation import SettingsFault
+from vsnbench.settings.yaml_file import text_faults
 from vsnbench.settings.yaml_text import dump_yaml, load_yaml
 from vsnbench.sites.site import Site
 

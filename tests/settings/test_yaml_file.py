@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vsnbench.errors import SiteError
-from vsnbench.settings.yaml_file import MOST_FAULTS, parse_settings, read_settings, settings_faults
+from vsnbench.settings.validation import MOST_FAULTS
+from vsnbench.settings.yaml_file import parse_settings, read_settings, settings_faults
 
 
 class Tyre(StrEnum):

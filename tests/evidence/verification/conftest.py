@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from tests.shared_records import made_once, small_record
-from vsnbench.config import BundleConfig
 from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 from vsnbench.evidence.bundle.selection import select_campaigns
 from vsnbench.evidence.verification.checks import Verification
 from vsnbench.evidence.verification.verify import VerifyOptions, verify
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.settings.user_config import BundleConfig
 
 
 @pytest.fixture(scope="session")
