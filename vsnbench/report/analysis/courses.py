@@ -156,7 +156,7 @@ def _measured(
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
     for row, course in courses_of(engine, rows):
-        known = _measure(ground, str(row["goal"]), course, float(row["path_length_m"]), bool(row["success"]))
+        known = _measure(ground, str(row["goal"]), course, float(row["path_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 
