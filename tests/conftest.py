@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.long_tests import LONG
+
 HERE = Path(__file__).parent
 
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -197,19 +199,29 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if excluded & {mark for line in _MARKS_OF_FILE.findall(text) for mark in _MARK.findall(line)}:
         return True
     lane = marks.partition(" ")[0]
-    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text)) or None
+    named = lane == "long" and any(key.partition("::")[0] == _place(collection_path) for key in LONG)
+    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text) and not named) or None
+
+
+def _place(path: Path) -> str:
+    return path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else path.as_posix()
 
 
 def _is_slow(path: Path) -> bool:
-    place = path.relative_to(HERE) if path.is_relative_to(HERE) else path
-    return place.as_posix() in SLOW or place.parts[:1] in {(folder,) for folder in SLOW_FOLDERS}
+    place = _place(path)
+    return place in SLOW or place.partition("/")[0] in SLOW_FOLDERS
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow tests and tests that start a PostgreSQL server, and put the longest files first."""
-    if gone := sorted(name for name in {*SLOW, *LONGEST} if not (HERE / name).is_file()):
-        raise pytest.UsageError(f"tests/conftest.py lists files that do not exist: {', '.join(gone)}")
+    """Mark long and slow tests and tests that start a PostgreSQL server, and put the longest files first."""
+    files = {key.partition("::")[0] for key in LONG}
+    if gone := sorted(name for name in {*SLOW, *LONGEST, *files} if not (HERE / name).is_file()):
+        raise pytest.UsageError(f"tests/conftest.py or long_tests.py lists files that do not exist: {', '.join(gone)}")
     for item in items:
+        place = _place(item.path)
+        test = f"{place}::{getattr(item, 'originalname', item.name)}"
+        if LONG.keys() & {place, test, f"{place}::{item.name}"}:
+            item.add_marker(pytest.mark.long)
         if _is_slow(item.path):
             item.add_marker(pytest.mark.slow)
         chosen = str(getattr(getattr(item, "callspec", None), "params", {}))

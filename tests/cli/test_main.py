@@ -54,6 +54,15 @@ def test_every_verb_exists_and_teaches_itself(
     assert f"vsnbench {verb}" in answer.out
 
 
+def test_a_command_group_alone_shows_its_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = vsnbench(monkeypatch, capsys, "episodes")
+    assert answer.code == 2
+    assert "Usage: vsnbench episodes" in answer.out + answer.err
+    assert "error" not in answer.err
+
+
 @pytest.mark.parametrize("words", [(), ("run",), ("episodes", "list"), ("robots", "check")])
 def test_help_shows_flags_without_a_type(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -62,33 +71,6 @@ def test_help_shows_flags_without_a_type(
     assert answer.code == 0
     assert "--help" in answer.out
     assert "bool" not in answer.out
-
-
-@pytest.mark.parametrize("words", [("nosuch",), ("--nosuch",), ("run", "--nosuch")])
-def test_what_is_not_known_is_a_usage_error(
-    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, *words)
-    assert answer.code == 2
-    assert "nosuch" in answer.err
-
-
-@pytest.mark.parametrize(
-    ("words", "option"),
-    [
-        (("report", "--results", "a", "--results", "b"), "--results"),
-        (("report", "--results=a", "--results", "b"), "--results"),
-        (("episodes", "list", "--results", "a", "--results", "b"), "--results"),
-        (("run", "-m", "random", "--robot", "simulated", "--goal", "chair", "-r", "turtlebot2"), "--robot"),
-    ],
-)
-def test_an_option_given_twice_is_refused_and_not_read_as_its_last_value(
-    words: tuple[str, ...], option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, *words)
-    assert answer.code == 2
-    assert answer.err.startswith(f"vsnbench: error: {option} was given 2 times")
-    assert answer.err.count("\n") == 1
 
 
 def test_an_option_that_takes_several_values_may_be_repeated(

@@ -94,28 +94,6 @@ def test_one_episode_is_shown_whole(results: Path) -> None:
     assert whole["counts"] is True
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "line"),
-    [
-        (["episodes", "show", "77"], 2, "episode 77"),
-        (["episodes", "list", "--outcome", "glory"], 2, "unknown outcome 'glory'"),
-        (["episodes", "list", "--results", "/nowhere"], 1, "no record at /nowhere/vsnbench.db"),
-        (["episodes", "list", "--goal", "chiar"], 2, "Did you mean 'chair'?"),
-        (["report", "--goal", "chiar"], 2, "Did you mean 'chair'?"),
-        (["report", "--site", "apartmnet"], 2, "is not in this record"),
-        (["sites", "show", "appartment"], 2, "did you mean 'apartment'?"),
-        (["db", "status", "--db", "nonsense"], 2, "not a database URL"),
-        (["db", "backup", "/nowhere/copy.db"], 1, "the directory /nowhere does not exist"),
-    ],
-)
-def test_a_mistake_is_one_line(results: Path, words: list[str], code: int, line: str) -> None:
-    done = vsnbench(results, *words)
-    assert (done.returncode, done.stdout) == (code, "")
-    assert line in done.stderr
-    assert done.stderr.startswith("vsnbench: error: ")
-    assert done.stderr.count("\n") == 1
-
-
 def test_the_database_can_be_found_upgraded_and_backed_up(tmp_path: Path) -> None:
     assert vsnbench(tmp_path, "db", "path").stdout.strip() == str(tmp_path / "vsnbench.db")
     assert vsnbench(tmp_path, "db", "upgrade").stdout.strip().endswith(f"schema none -> {migrate.HEAD}")

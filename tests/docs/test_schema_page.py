@@ -61,7 +61,7 @@ def ask(lab: Lab, words: str) -> list[tuple[object, ...]]:
 
 def test_the_queries_agree_with_the_report(lab: Lab) -> None:
     (one,) = summarise(read(lab.url, Selection())).conditions
-    by_goal = {goal.goal: (goal.summary.successes, goal.summary.episodes) for goal in one.goals}
+    by_goal = {goal.goal: (goal.successes, goal.episodes) for goal in one.goals}
     assert {goal: (k, n) for _, goal, k, n, _ in ask(lab, "Success rate")} == by_goal
     assert tuple(start for _, start in ask(lab, "Starting positions")) == one.never_succeeding
     assert {reason: count for _, reason, count in ask(lab, "How episodes ended")} == {

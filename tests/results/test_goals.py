@@ -17,26 +17,19 @@ from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Goal, Trial
 from vsnbench.runner.executors.capacity import WorkerOptions
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.goal import GoalKind
 
 
 def run(site: Path, goals: str, results: Path, seed: int = 0, model: str = "oracle") -> ResultsDirectory:
     directory = ResultsDirectory.locate(results)
-    request = RunRequest(
-        model,
-        tuple(goals.split(",")),
-        directory,
-        str(site),
-        starts="1",
-        seed=seed,
-        workers=WorkerOptions(1),
-        keep=KeepFiles.NONE,
-    )
-    launch(request, TerminalOperatorProvider(unattended=True))
+    setup = TrialSetupSpec(load_site(site), model, (goals,), keep=KeepFiles.NONE)
+    request = RunRequest(setup, directory, starts=(1,), seed=seed, workers=WorkerOptions(1))
+    launch(request.at(str(site), setup.site), OperatorProvider(unattended=True))
     return directory
 
 

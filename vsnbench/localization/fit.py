@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from vsnbench.localization.looks import Sighting, SmallLook
+from vsnbench.localization.looks import LookSet, SmallLook
 from vsnbench.localization.normal_equations import Floats, NormalEquations, Prior, Rows
 from vsnbench.localization.twin import Twin, outward
 from vsnbench.sites.site import Site
@@ -133,10 +133,10 @@ class FitState:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class PoseFit:
     """Inputs of a fit: images, uncertainties, and excluded groups."""
 
-    sighting: Sighting
+    sighting: LookSet
     errors: ErrorModel
     left_out: frozenset[int] = frozenset()
     """Groups that are not where the survey has them."""

@@ -139,19 +139,3 @@ def test_a_dead_link_names_the_page_of_the_authors_and_where_to_put_the_file(
     assert "https://github.com/Ram81/pirlnav#reproducing-results" in answer.err
     assert str(weights / "pirlnav.ckpt") in answer.err
     assert "vsnbench models check pirlnav" in answer.err
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "part"),
-    [
-        (("vlv", "http://127.0.0.1:9/x", "--sha256", "12"), 2, "is not a SHA-256"),
-        (("pirlnav",), 2, "no address is published for pirlnav"),
-    ],
-)
-def test_what_does_not_fit_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, part: str
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", *words)
-    assert (answer.code, answer.out) == (code, "")
-    assert part in answer.err
-    assert len(answer.err.strip().splitlines()) == 1

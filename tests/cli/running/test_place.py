@@ -22,11 +22,3 @@ def test_an_ambiguous_look_suggests_the_next_command_which_determines_the_pose(
     assert (said["determined"], said["method"], turned.code) == (True, "turn", int(not said["within_tolerance"]))
     assert Path("seen.png").read_bytes()[1:4] == b"PNG"
     assert [path.name for path in tmp_path.iterdir()] == ["seen.png"], "no record is made"
-
-
-def test_a_mark_that_the_site_lacks_is_named_with_those_that_it_has(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, *SMALL, "--start", "99")
-    assert (answer.code, answer.out) == (2, "")
-    assert "starting position 99 is not in site 'apartment': it has 1, 2, 3" in answer.err

@@ -19,24 +19,6 @@ def test_arms_are_named_by_their_classes(
     assert models == {"oracle": "oracle", "Walker": "our.lab:Walker", "late": "our.lab:Runner"}
 
 
-@pytest.mark.parametrize(
-    ("arms", "says"),
-    [
-        ("random,vsnbench.models.baselines.random_walk:RandomWalk", "arms random and RandomWalk are the same model"),
-        ("first=oracle,second=oracle", "arms first and second are the same model"),
-        ("our.lab:Walker,their.lab:Walker,oracle", "two arms have the name Walker"),
-    ],
-)
-def test_a_model_or_a_name_given_twice_is_refused(
-    arms: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "study.yaml"
-    answer = vsnbench(monkeypatch, capsys, "study", "new", str(file), "--arm", arms, "--goal", "chair")
-    assert answer.code == 2
-    assert says in answer.err
-    assert not file.exists()
-
-
 def test_the_next_command_can_be_pasted_and_names_the_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

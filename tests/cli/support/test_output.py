@@ -183,14 +183,6 @@ def test_prints_of_a_model_do_not_spoil_the_json(words: str, tmp_path: Path) -> 
     assert "imported" in done.stderr
 
 
-def test_a_page_that_nobody_would_hear_of_is_refused(
-    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "run", "--model=oracle", "--goal=chair", "--console", "-q")
-    assert answer.code == ExitCode.USAGE
-    assert "--quiet hides the address of --console" in answer.err
-
-
 def test_the_documented_exit_codes_are_those_that_there_are() -> None:
     documented = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)}
     assert documented == set(ExitCode)

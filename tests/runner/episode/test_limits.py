@@ -12,12 +12,14 @@ from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import Watch
 from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runner.study.output_redaction import OutputRedaction, RedactedPolicy
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Drive
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.pose import Pose
 
@@ -43,7 +45,7 @@ class Told(ScriptedPolicy):
 class Mover(StandInRobot):
     """Advances by 0.25 m and 2 s with each action."""
 
-    def execute(self, action: Action) -> MotionResult:
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
         self.place = self.place.compose(Pose(0.25, 0.0))
         return MotionResult(completed=True, duration_s=2.0)
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from vsnbench.cli.support.output import is_quiet
 from vsnbench.results.files.directory import TEMPORARY_RESULTS, ResultsDirectory
-from vsnbench.runner.setup.launch import Launched
+from vsnbench.runner.loop.contract import SessionResult
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped
 from vsnbench.runtime.child_process import adopt_orphans, descendants, end_descendants
@@ -83,17 +83,16 @@ def print_awaiting(console: Console, awaiting: int, results: ResultsDirectory) -
         )
 
 
-def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
+def fields_of(result: SessionResult, request: RunRequest) -> dict[str, object]:
     """Return the summary of a campaign as JSON fields."""
-    result, trials = launched.result, len(launched.campaign.trials)
     return {
-        "model": request.model,
+        "model": request.setup.model,
         "site": request.site,
         "seed": request.seed,
         "results": str(request.results.path),
-        "campaign": launched.campaign.id,
-        "trials": trials,
-        "done": trials - result.left - result.elsewhere,
+        "campaign": result.campaign_id,
+        "trials": result.trials,
+        "done": result.trials - result.left - result.elsewhere,
         "left": result.left,
         "elsewhere": result.elsewhere,
         "awaiting_judgement": result.awaiting,
@@ -103,9 +102,9 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
     }
 
 
-def print_summary(console: Console, launched: Launched, request: RunRequest) -> None:
+def print_summary(console: Console, result: SessionResult, request: RunRequest) -> None:
     """Print what is done, what is left and the next command."""
-    result, trials = launched.result, len(launched.campaign.trials)
+    trials = result.trials
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
     if os.environ.get(TEMPORARY_RESULTS):  # a run of `--watch`, whose results are discarded at the next change

@@ -5,12 +5,11 @@ The only built-in model that receives the site: an upper bound, and a check that
 
 import itertools
 import math
-from dataclasses import asdict, dataclass
-from typing import ClassVar
+from dataclasses import asdict, dataclass, replace
 
 from vsnbench.errors import ModelError
 from vsnbench.models.baselines.goal_views import ViewCriteria, ViewPoints, target_poses, view_points
-from vsnbench.models.baselines.lattice_planner import Clearance, LatticePlanner
+from vsnbench.models.baselines.lattice_planner import LatticePlanner, NeededSpace
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.free_space import BoolGrid, FreeSpace, free_space
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -19,7 +18,6 @@ from vsnbench.sites.targets import definition_sha256
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
@@ -48,20 +46,12 @@ class Oracle(Policy):
     """Plans over positions and headings, and plans again when odometry contradicts the plan."""
 
     needs_survey = True
-    name = "oracle"
-    action_kinds = frozenset({ActionKind.DISCRETE})
-    default_card: ClassVar = ModelCard("oracle", goal_kinds=frozenset(GoalKind))
+    card = ModelCard("oracle", goal_kinds=frozenset(GoalKind), sensors=frozenset({Sensor.ODOMETRY}))
 
     def __init__(self, stop_within_m: float = _DEFAULTS.stop_within_m) -> None:
         """Set the distance to the goal's footprint at which to stop, in metres."""
         self._settings = OracleSettings(stop_within_m=stop_within_m)
-        self.card = ModelCard(
-            name=self.name,
-            goal_kinds=frozenset(GoalKind),
-            sensors=frozenset({Sensor.ODOMETRY}),
-            action_kinds=self.action_kinds,
-            settings={**asdict(self._settings), "sees_site": True},
-        )
+        self.card = replace(self.card, settings={**asdict(self._settings), "sees_site": True})
         self._space: FreeSpace | None = None
         self._start = Pose(0.0, 0.0)
         self._robot_radius_m = 0.0
@@ -144,7 +134,7 @@ class Oracle(Policy):
         )
         refusals = (self._refused, []) if self._refused else ([],)
         for refused, (spare_m, half_view_rad, criteria) in itertools.product(refusals, preferences):
-            clearance = Clearance(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
+            clearance = NeededSpace(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
             planner = LatticePlanner(space, here.heading_rad, parameters.forward_m, turn_rad, clearance)
             for pose in refused:
                 planner.forbid(pose)

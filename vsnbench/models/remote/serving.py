@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
@@ -11,6 +10,7 @@ from vsnbench.models.contract import BatchPolicy, Policy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.process_exit import ProcessExitError, take_refused_exit
 from vsnbench.models.remote import vsnbench_policy as wire
+from vsnbench.models.remote.card import card_to_wire
 from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision_check import checked_decision
@@ -44,7 +44,7 @@ class ServedPolicy:
             )
         self._policy = policy
         self._sensors = frozenset(card.sensors)
-        self.card = {item.name: getattr(card, item.name) for item in fields(card)} | {
+        self.card = card_to_wire(card) | {
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
         }

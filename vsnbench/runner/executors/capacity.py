@@ -86,15 +86,15 @@ class Capacity:
     def summary(self, workers: int, measured: Prepared) -> str:
         """Return the number of workers and what it was chosen from."""
         cores = counted(self.cores, "core")
-        if measured.sessions is not None:
-            cores += f", {measured.sessions} sessions of the model's server"
+        if measured.description.sessions is not None:
+            cores += f", {measured.description.sessions} sessions of the model's server"
         text = (
             f"{counted(workers, 'worker')}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
             f"one takes about {worker_bytes(measured) / GIB:.1f} GiB"
         )
         if gpu := measured.gpu:
             return f"{text} and {gpu.taken_bytes / GIB:.1f} of the GPU's {gpu.total_bytes / GIB:.1f} GiB"
-        unknown = measured.description.on_gpu and measured.sessions is None
+        unknown = measured.description.on_gpu and measured.description.sessions is None
         return f"{text}; the model is on a GPU whose memory is not known" if unknown else text
 
 
@@ -123,11 +123,12 @@ def choose_count(request: WorkerRequest, capacity: Capacity, measured: Prepared,
     Raises:
         UsageError: the requested number does not fit into memory, or exceeds the sessions of the model's server.
     """
-    request = _within_sessions(request, measured.sessions)
+    described = measured.description
+    request = _within_sessions(request, described.sessions)
     one_bytes, gpu = worker_bytes(measured), measured.gpu
     fitting = max(1, capacity.free_bytes // one_bytes)
     fitting_on_gpu = fitting if gpu is None else started + gpu.free_bytes // gpu.taken_bytes
-    if gpu is None and measured.sessions is None and not request.is_explicit and measured.description.on_gpu:
+    if gpu is None and described.sessions is None and not request.is_explicit and described.on_gpu:
         return 1
     if request.limit <= min(fitting, fitting_on_gpu):
         return request.limit

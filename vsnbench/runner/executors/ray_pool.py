@@ -18,10 +18,11 @@ from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.runner.executors.capacity import ClusterRequest
-from vsnbench.runner.executors.collecting import TaskLost, TaskRunner
+from vsnbench.runner.executors.collecting import TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.executors.plan_transfer import PackedSpec
 from vsnbench.runner.executors.ray_connection import ClusterAddress, connect
+from vsnbench.runner.loop.contract import TrialReturned
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec, open_trial_setup
 from vsnbench.text.sanitize import counted, error_line
 
@@ -81,9 +82,9 @@ class RayTasks(TaskRunner):
         """Have a trial run."""
         self._trials[self._run.remote(self._parcel, trial, seed)] = trial
 
-    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TrialReturned]:
         """Return finished tasks."""
-        finished: list[EpisodeBundle | TaskLost] = []
+        finished: list[EpisodeBundle | TrialReturned] = []
         try:
             ready, _ = self._ray.wait(list(self._trials), num_returns=1, timeout=timeout_s)
         except Exception as error:
@@ -97,7 +98,7 @@ class RayTasks(TaskRunner):
             try:
                 answer = self._ray.get(done)
             except Exception as error:  # the task's node or process was lost, after Ray's retries
-                finished.append(TaskLost(trial, error_line(error)))
+                finished.append(TrialReturned(trial, error_line(error)))
                 continue
             if isinstance(answer, VsnbenchError):
                 raise answer
@@ -175,7 +176,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
     Raises:
         UsageError: another device was requested.
     """
-    device = spec.model_options.get("device") or "auto"
+    device = spec.options.get("device") or "auto"
     if device not in ("auto", "cpu") and not gpus_each:
         raise UsageError(
             f"device {device}: workers of a cluster hold no GPU by default",
@@ -186,7 +187,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
         raise UsageError(f"gpus_per_worker = {gpus_each:g} conflicts with device cpu", advice="remove one of them")
     if device != "auto" or not spec.model_takes("device"):
         return spec
-    return replace(spec, model_options={**spec.model_options, "device": "cuda" if gpus_each else "cpu"})
+    return replace(spec, model_options={**spec.options, "device": "cuda" if gpus_each else "cpu"})
 
 
 @dataclass(frozen=True, slots=True)

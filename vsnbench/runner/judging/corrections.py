@@ -17,9 +17,9 @@ from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.writing.judging import trial_of
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.decision import JudgingForm, decide
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.loop.follow_up import REPEATABLE
 from vsnbench.runner.operator.prompts import AnsweredMeanwhileError, Choice, OperatorPrompts, QuestionKind
-from vsnbench.runner.operator.provider import OperatorSession
 from vsnbench.runner.operator.session_summary import ended_episodes, session_summary
 
 RECORD_TIMEOUT_S = 6.0
@@ -48,10 +48,10 @@ class ShownEpisode:
 class Corrections:
     """The episodes of a session and the changes that operators can make to them; callable from any thread."""
 
-    def __init__(self, prompts: OperatorPrompts, session: OperatorSession) -> None:
+    def __init__(self, prompts: OperatorPrompts, session: Session) -> None:
         self._prompts = prompts
         self._journal = session.journal
-        self._results = session.results
+        self._results = session.recording.results
         self._campaign_ids = session.campaign_ids
 
     def episodes(self) -> list[ShownEpisode]:

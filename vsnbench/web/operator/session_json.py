@@ -6,9 +6,9 @@ from typing import Any, Final
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.corrections import ShownEpisode
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import Upcoming
 from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
-from vsnbench.runner.operator.provider import OperatorSession
 from vsnbench.runner.operator.session_state import SessionState
 from vsnbench.sites.targets import goal_words, targets_of
 from vsnbench.values.pose import Pose
@@ -16,7 +16,7 @@ from vsnbench.values.pose import Pose
 MAX_STEPS: Final = 400
 
 
-def session_json(prompts: OperatorPrompts, session: OperatorSession) -> dict[str, Any]:
+def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
     """Return the state, which is the same for every client."""
     state, question = prompts.state, prompts.question
     now = datetime.now(UTC)
@@ -46,7 +46,7 @@ def session_json(prompts: OperatorPrompts, session: OperatorSession) -> dict[str
         "route": state.way,
         "revision": prompts.changes,
         "picture": state.picture.number if state.picture else 0,
-        "has_live_camera": session.glimpse is not None,
+        "has_live_camera": session.robots.preview is not None,
         "case": case_json(Case.of_ended(ended)) if is_judging and ended else None,
         "last": {
             "episode": ended.number,

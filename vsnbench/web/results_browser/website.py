@@ -180,13 +180,13 @@ def _headline(report: Report) -> dict[str, Any]:
                 "name": summary.condition.name,
                 "environment": summary.condition.environment,
                 "site": summary.condition.site,
-                "goals": list(headline.goals),
-                "episodes": headline.summary.episodes,
-                "successes": headline.summary.successes,
-                "success_rate": headline.summary.success_rate if headline.summary.episodes else None,
-                "interval": [headline.summary.interval.low, headline.summary.interval.high],
+                "goals": list(goals),
+                "episodes": total.episodes,
+                "successes": total.successes,
+                "success_rate": total.success_rate if total.episodes else None,
+                "interval": [total.interval.low, total.interval.high],
             }
-            for summary, headline in zip(report.results.conditions, found.by_condition, strict=True)
+            for summary, (goals, total) in zip(report.results.conditions, found.by_condition, strict=True)
         ],
         "answers": [answer for question in report.questions for answer in question.answers],
     }
