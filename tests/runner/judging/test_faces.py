@@ -21,7 +21,7 @@ from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
 from vsnbench.runner.operator.terminal import TerminalOperator
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
-from vsnbench.runner.study.blinding import BlindOperator
+from vsnbench.runner.study.blinding import hide_end
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def at_the_terminal(session: PageSession, given: Given, *, blind: bool = False) 
     prompts.read_line = person.read_line
     operator = TerminalOperator(person, EmergencyStop(lambda: None, stop.ask), stop, prompts)
     try:
-        judgement = (BlindOperator(operator) if blind else operator).judge(ended(session))
+        judgement = operator.judge(hide_end(ended(session)) if blind else ended(session))
     except Stopped:
         judgement = None
     return outcome_of(judgement, asked_back=person.asked_back)
@@ -114,17 +114,17 @@ def at_the_page(session: PageSession, given: Given) -> Outcome:
     with session.prompts.ask(QuestionKind.JUDGE) as question, ThreadPoolExecutor() as pool:
         said |= {"question": question.number, "episode": 1}
         answer = pool.submit(anna.post, "/judge", **said)
-        while question.reply is None and not answer.done():
+        while question.answer is None and not answer.done():
             time.sleep(0.001)
         asked_back = answer.done() and answer.result().json.get("needs_confirmation") is True
         if asked_back:
             answer = pool.submit(anna.post, "/judge", **said, confirmed=True)
-            while question.reply is None:
+            while question.answer is None:
                 assert not answer.done(), answer.result()
                 time.sleep(0.001)
-        if question.reply is None:
+        if question.answer is None:
             return Outcome(asked_back)
-        judgement = question.reply.answer
+        judgement = question.answer
         assert isinstance(judgement, Judgement)
         session.journal.judge(1, judgement.verdict, author="Anna", note=judgement.note, seen=1)
         assert answer.result().status == 200

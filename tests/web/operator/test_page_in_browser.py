@@ -167,7 +167,7 @@ def test_every_screen_is_accessible_and_works_by_keyboard(page: Page, session: P
         assert reached[-5:] == ["go", "skip", "pause", "end", "SUMMARY"]
         page.locator("#go").press("Enter")
         page.wait_for_selector("#stop:focus")
-    assert question.reply is not None
+    assert question.answer is not None
     assert accessibility_findings(page) == [], "driving"
     page.keyboard.press("Enter")
     page.get_by_text("Stopped. The episode ends here.").wait_for()

@@ -63,8 +63,8 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     memory_gib = load_config().study.model_memory_gib
     memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
     request = StudyRequest(study.recorded, place_of(study), study.results, only_next, _next_time(until), memory_bytes)
-    provider = OperatorProvider(unattended, page)
-    run_and_exit(lambda: run_and_report(study.file, request, provider, live=live, as_json=as_json), summary_console())
+    provider = OperatorProvider(unattended, page.serve if page else None)
+    run_and_exit(summary_console(), run_and_report, study.file, request, provider, live=live, as_json=as_json)
 
 
 def _next_time(text: str) -> datetime | None:

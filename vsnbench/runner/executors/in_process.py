@@ -78,7 +78,7 @@ class InProcessExecutor(TrialExecutor):
     def session_begins(self, session: Session) -> None:
         """Run the trials of this session from now on."""
         super().session_begins(session)
-        self._operator = RecordedOperator(session.journal, session.operator, session.recording.operator_name)
+        self._operator = RecordedOperator(session)
         if session.operator.is_present:
             self._robot.keep_real_time()
 
