@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
@@ -64,7 +64,7 @@ def plan(
         model=ModelIdentity("random", settings=settings or {"temperature": 1.0}),
         protocol=ProtocolParameters(),
         seed=seed,
-        trials=[PlannedTrial(goal, start) for goal in goals for start in (1, 2)],
+        trials=[Trial(goal, start) for goal in goals for start in (1, 2)],
     )
 
 
