@@ -23,7 +23,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.registry import open_robot
 from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import STOP
 
 PATIENCE_S = 20.0
 ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"}
@@ -70,7 +70,7 @@ def over_ros(where: str, faults: Sequence[str], starts: Sequence[int], actions: 
 
                 def begin_fault(fault: str = fault) -> None:
                     node.set_fault(fault)
-                    robot.execute(Action.STOP)  # the robot only accepts images newer than its last action
+                    robot.drive(STOP)  # the robot only accepts images newer than its last action
 
                 counts = Counts()
                 for start in starts:

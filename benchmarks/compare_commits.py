@@ -22,16 +22,21 @@ HERE = Path(__file__).resolve().parents[1]
 _CELLS = 90
 """Trials of one repetition: six goals, 15 starting positions."""
 _BARE = """
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.sites.site import load_site
 from vsnbench.values.action import Action
 site = load_site("apartment")
 with SimulatedRobot(site, load_profile("turtlebot2")) as robot:
+    def turn():
+        if hasattr(robot, "execute"):  # of an earlier commit
+            return robot.execute(Action.TURN_LEFT)
+        return robot.drive(ProtocolParameters().movement_of(Action.TURN_LEFT))
     robot.begin(site.start(1), 0)
     for _ in range(100):
         robot.observe()
-        robot.execute(Action.TURN_LEFT)
+        turn()
 """
 Use = tuple[float, float, int]
 """Processor seconds, peak MiB, bytes."""

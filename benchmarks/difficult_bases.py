@@ -81,8 +81,8 @@ def measured(work: tuple[str, dict[str, float], str, int]) -> tuple[str, str, li
 
 def line(name: str, kind: str, tried: list[Trial], ideal: list[Trial]) -> str:
     """Return the row of a table."""
-    answered = [(one, other) for one, other in zip(tried, ideal, strict=True) if one.outcome.answer]
-    reasons = Counter(one.outcome.reason for one in tried if not one.outcome.answer)
+    answered = [(one, other) for one, other in zip(tried, ideal, strict=True) if one.result.completed]
+    reasons = Counter(one.result.failure for one in tried if not one.result.completed)
     refused = sum(count for reason, count in reasons.items() if reason.startswith("odometry noise"))
     true = sum(one.is_true(kind) for one, _ in answered)
     ratios = sorted(one.took_s / other.took_s for one, other in answered)

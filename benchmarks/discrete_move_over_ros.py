@@ -183,20 +183,24 @@ def with_small_camera(profile: str) -> str:
 
 def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str, Any]:
     """Request random movements and compare each with the odometry and the true pose."""
-    from vsnbench.control.law import ideal_duration_s
+    from vsnbench.control.legs import longest_duration_s
     from vsnbench.control.settings import MotionSettings
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.robots.ros.link import connect
     from vsnbench.robots.ros.start import Patience, wait_until_ready
-    from vsnbench.sensing.movements import MOVEMENTS
+    from vsnbench.values.action import Action
 
-    link = connect(profile, ProtocolParameters())
+    link = connect(profile)
     # The link chooses once per session what executes movements, from the nodes that it has discovered by then.
     time.sleep(0 if link.kind == "ros1" else 10)
     wait_until_ready(link, Patience(180))
     assert link.server == server, f"{link.server} executes movements, not {server}"
     truth = Truth(link)
     settings = MotionSettings.for_robot(profile)
+    movements = [
+        ProtocolParameters().movement_of(action)
+        for action in (Action.MOVE_FORWARD, Action.MOVE_BACKWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
+    ]
     choice = random.Random("{} {} {}".format(*setting))
 
     def here() -> tuple:
@@ -212,11 +216,11 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
     before, true_before = here()
     held_rad = before.heading_rad
     for _ in range(actions):
-        word = choice.choices(["Forward", "Backward", "Left", "Right"], [4, 1, 3, 3])[0]
-        action = MOVEMENTS[word]
+        movement = choice.choices(movements, [4, 1, 3, 3])[0]
+        ideal_s = longest_duration_s(movement, settings) - settings.timeout_s
         began_s = time.monotonic()
-        answered = link.move(word, 30 if action.turns else 0, 60)
-        ratios.append((time.monotonic() - began_s) / ideal_duration_s(action, settings))
+        answered = link.drive(movement, 60)
+        ratios.append((time.monotonic() - began_s) / ideal_s)
         after, true_after = here()
         if not answered:
             refused += 1
@@ -225,10 +229,10 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
             # The command that ended the movement may not have reached a base with latency yet.
             link.wait_for(lambda now: now.at_rest(0.5, 0.0005, math.radians(0.01)), 5.0)
             after, true_after = here()
-            reasons.append(re.sub(r"[0-9.]+", "N", failure.reason) if failure else "no reason received")
+            reasons.append(re.sub(r"[0-9.]+", "N", failure.failure) if failure else "no reason received")
             held_rad = after.heading_rad
-        elif action.turns:
-            asked_rad = math.radians(30) * (1 if word == "Left" else -1)
+        elif movement.turn_rad:
+            asked_rad = movement.turn_rad
             held_rad += asked_rad
             turned_rad = after.heading_rad - before.heading_rad
             relative_deg.append(abs(math.degrees(math.remainder(turned_rad - asked_rad, math.tau))))

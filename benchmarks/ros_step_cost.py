@@ -54,12 +54,14 @@ def main() -> None:
 
 def measure(name: str, steps: int) -> str:
     """Alternate turns on the spot with observations, `steps` times; return the table."""
+    from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.robots.profiles import load_profile
     from vsnbench.robots.ros.robot import RosRobot
     from vsnbench.ros.ros1.interface import ros1_interface
     from vsnbench.sites.site import load_site
     from vsnbench.values.action import Action
 
+    left, right = (ProtocolParameters().movement_of(action) for action in (Action.TURN_LEFT, Action.TURN_RIGHT))
     parts: dict[str, list[float]] = {part: [] for part in PARTS}
     with RosRobot(load_profile(name), patience_s=60) as robot:
         robot.begin(load_site("apartment").start(1), seed=0)
@@ -68,11 +70,11 @@ def measure(name: str, steps: int) -> str:
         frames_s = names.depth_frames / names.camera_rate_hz
         for step in range(steps):
             began_s = time.perf_counter()
-            result = robot.execute(Action.TURN_LEFT if step % 2 else Action.TURN_RIGHT)
+            result = robot.drive(left if step % 2 else right)
             moved_s = time.perf_counter()
             seen = robot.observe()
             ended_s = time.perf_counter()
-            outcome, waited_s = robot.movements.last_outcome, seen.sensing["waited_s"]
+            outcome, waited_s = robot.movements.outcome, seen.sensing["waited_s"]
             if not result.completed or outcome is None:
                 sys.stderr.write(f"step {step}: {result.failure}\n")
                 continue

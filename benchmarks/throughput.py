@@ -20,7 +20,7 @@ from pathlib import Path
 from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, trial_seed
+from vsnbench.results.writing.campaigns import CampaignPlan, trial_seed
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
@@ -40,6 +40,7 @@ from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -106,7 +107,7 @@ def drive_bare(robot: SimulatedRobot, site: Site, episodes: int) -> Tally:
             guard = look_ahead(observation, robot.profile.base, PARAMETERS.depth_guard)
             t2 = time.perf_counter()
             blocked = action is Action.MOVE_FORWARD and guard.blocked
-            result = None if blocked else robot.execute(action)
+            result = None if blocked else robot.drive(PARAMETERS.movement_of(action))
             tally.observe_s += t1 - t0
             tally.guard_s += t2 - t1
             tally.execute_s += time.perf_counter() - t2
@@ -125,7 +126,7 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
     plan = CampaignPlan(
         site=site,
         robot=robot.identity,
-        model=ModelIdentity("wanderer"),
+        model=ModelCard("wanderer"),
         protocol=PARAMETERS,
         seed=0,
         trials=plan_trials(["chair"], [START], episodes),

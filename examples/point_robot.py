@@ -5,15 +5,14 @@ It implements every abstract method of `vsnbench.Robot`. Run it from this direct
     vsnbench run --robot point_robot:PointRobot --model random --goal chair --starts 1
 """
 
-import math
 from types import MappingProxyType
 
 import numpy as np
 
 from vsnbench import (
-    Action,
     Fix,
     MotionResult,
+    Move,
     Observation,
     Pose,
     PoseSource,
@@ -62,14 +61,14 @@ class PointRobot(Robot):
         rgb = self._rng.integers(120, 136, (camera.height, camera.width, 3), np.uint8)
         return Observation(rgb, None, self._odometry, self._clock_s, camera)
 
-    def execute(self, action: Action) -> MotionResult:
-        """Return the measured displacement and turn; of this robot, they are the requested ones."""
-        before, forward_m, turn_deg = self._odometry, self._parameters.forward_m, self._parameters.turn_deg
-        way_m = {Action.MOVE_FORWARD: forward_m, Action.MOVE_BACKWARD: -forward_m}.get(action, 0.0)
-        turn_rad = math.radians({Action.TURN_LEFT: turn_deg, Action.TURN_RIGHT: -turn_deg}.get(action, 0.0))
-        self._odometry = before.compose(Pose(way_m, 0.0, turn_rad))
+    def drive(self, movement: Move, watch: object = None) -> MotionResult:
+        """Return the measured displacement and turn; of this robot, they are the requested ones.
+
+        Without other `action_kinds`, every movement is an action of the paper: a turn, a straight move, or no motion.
+        """
+        self._odometry = self._odometry.compose(Pose(movement.distance_m, 0.0, movement.turn_rad))
         self._clock_s += ACTION_DURATION_S
-        return MotionResult(True, way_m, turn_rad, ACTION_DURATION_S, pose=self._odometry)
+        return MotionResult(True, movement.distance_m, movement.turn_rad, ACTION_DURATION_S, pose=self._odometry)
 
     def locate(self) -> Fix:
         """Return the pose for judging."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.sites.site import Site
@@ -11,6 +12,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 
@@ -38,11 +40,11 @@ class ByHand(SimulatedRobot):
 class Slow(ByHand):
     """Turns slowly, so that a person can press a key."""
 
-    def execute(self, action: Action) -> MotionResult:
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
         import time
 
         time.sleep(0.4)
-        return super().execute(action)
+        return super().drive(movement, watch)
 
 
 class TurnTwice(Policy):

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from vsnbench.control.command import Command, MotionStatus
 from vsnbench.control.controller import MotionController
-from vsnbench.control.law import heading_after
+from vsnbench.control.leg import Leg
 from vsnbench.control.settings import MotionSettings
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
+
+FORWARD, BACKWARD = Leg(0.25), Leg(-0.25)
+LEFT, RIGHT = Leg(math.radians(30), turns=True), Leg(-math.radians(30), turns=True)
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,16 @@ class Motion:
 
 
 def move(
-    action: Action,
+    leg: Leg,
     base: BaseModel,
     settings: MotionSettings,
     start: Pose | None = None,
     target_heading_rad: float | None = None,
 ) -> Motion:
-    """Drive a base with a controller to the end of an action, and observe half a second of rest."""
+    """Drive a base with a controller to the end of a leg, and observe half a second of rest."""
     start = start if start is not None else Pose(0.0, 0.0, 0.0)
-    target = heading_after(action, start.heading_rad, settings) if target_heading_rad is None else target_heading_rad
-    controller = MotionController(action, start, target, settings)
+    target = leg.end_rad(start.heading_rad) if target_heading_rad is None else target_heading_rad
+    controller = MotionController(leg, start, target, settings)
     tick_s = 0.005
     every = max(round(settings.control_period_s / tick_s), 1)
     truth = [start]

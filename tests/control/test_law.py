@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from vsnbench.control.law import (
     acceleration,
     braking_speed,
-    deceleration,
-    heading_after,
     ideal_duration_s,
     speed,
     straight_error_m,
@@ -18,13 +16,13 @@ from vsnbench.control.law import (
 )
 from vsnbench.control.settings import MotionSettings
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base, RobotProfile, Speeds
 
 SETTINGS = MotionSettings()
-MOTIONS = [Action.MOVE_FORWARD, Action.MOVE_BACKWARD, Action.TURN_LEFT, Action.TURN_RIGHT]
+WAYS = [(0.25, False), (math.radians(30), True)]
+"""Length of a motion, and whether it is a turn."""
 
 
 def test_the_defaults_are_the_papers() -> None:
@@ -72,43 +70,35 @@ def test_the_straight_error_does_not_depend_on_where_the_move_goes(x: float, y: 
     assert straight_error_m(0.25, Pose(x, y), there) == pytest.approx(0.25 - gone, abs=1e-9)
 
 
-def test_headings_of_twelve_turns_add_up_to_a_full_circle_without_drift() -> None:
-    heading = 0.3
-    for _ in range(12):
-        heading = heading_after(Action.TURN_LEFT, heading, SETTINGS)
-    assert heading == pytest.approx(0.3 + math.tau, abs=1e-12)
-    assert heading_after(Action.MOVE_FORWARD, heading, SETTINGS) == heading
-    assert heading_after(Action.TURN_RIGHT, 0.0, SETTINGS) == pytest.approx(-math.radians(30))
+@pytest.mark.parametrize(("way", "turns"), WAYS)
+def test_cruising_speed_is_reached_after_a_third_of_the_way(way: float, turns: bool) -> None:
+    cruise = SETTINGS.cruise(turns=turns)
+    ramp = acceleration(cruise, way, SETTINGS.acceleration_share)
+    assert speed(0.0, ramp, way / 3) == pytest.approx(cruise)
+    assert speed(cruise, -ramp, way / 3) == pytest.approx(0.0, abs=1e-7)
 
 
-@pytest.mark.parametrize("action", MOTIONS)
-def test_cruising_speed_is_reached_after_a_third_of_the_way(action: Action) -> None:
-    third = SETTINGS.way(action) / 3
-    assert speed(0.0, acceleration(action, SETTINGS), third) == pytest.approx(SETTINGS.cruise(action))
-    assert speed(SETTINGS.cruise(action), -deceleration(action, SETTINGS), third) == pytest.approx(0.0, abs=1e-7)
-
-
-@pytest.mark.parametrize("action", MOTIONS)
+@pytest.mark.parametrize(("way", "turns"), WAYS)
 @pytest.mark.parametrize(("speeding_up", "braking"), [(1 / 3, 1 / 3), (0.1, 0.4), (0.5, 0.5)])
 def test_the_ideal_duration_is_that_of_the_profile_integrated(
-    action: Action, speeding_up: float, braking: float
+    way: float, turns: bool, speeding_up: float, braking: float
 ) -> None:
     settings = MotionSettings(acceleration_share=speeding_up, deceleration_share=braking)
-    way, cruise = settings.way(action), settings.cruise(action)
+    cruise = settings.cruise(turns=turns)
     slices = 20_000
     total = 0.0
     for k in range(slices):
         gone = (k + 0.5) / slices * way
-        rising = speed(0.0, acceleration(action, settings), gone)
-        falling = speed(0.0, deceleration(action, settings), way - gone)
+        rising = speed(0.0, acceleration(cruise, way, speeding_up), gone)
+        falling = speed(0.0, acceleration(cruise, way, braking), way - gone)
         total += way / slices / min(rising, falling, cruise)
-    assert ideal_duration_s(action, settings) == pytest.approx(total, rel=5e-3)
+    assert ideal_duration_s(way, settings, turns=turns) == pytest.approx(total, rel=5e-3)
 
 
 def test_the_ideal_durations_of_the_papers_actions() -> None:
-    assert ideal_duration_s(Action.MOVE_FORWARD, SETTINGS) == pytest.approx(5 / 3 * 0.25 / 0.3)
-    assert ideal_duration_s(Action.TURN_LEFT, SETTINGS) == pytest.approx(5 / 3 * math.radians(30) / 0.5)
-    assert ideal_duration_s(Action.STOP, SETTINGS) == 0.0
+    assert ideal_duration_s(0.25, SETTINGS, turns=False) == pytest.approx(5 / 3 * 0.25 / 0.3)
+    assert ideal_duration_s(math.radians(30), SETTINGS, turns=True) == pytest.approx(5 / 3 * math.radians(30) / 0.5)
+    assert ideal_duration_s(0.0, SETTINGS, turns=False) == 0.0
 
 
 @given(st.floats(0, 2), st.floats(0.05, 5), st.floats(0.005, 0.2))

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsnbench.control.command import STANDSTILL, MotionStatus
-from vsnbench.control.legs import Leg, LegPlan, longest_duration_s
+from vsnbench.control.leg import Leg
+from vsnbench.control.legs import LegPlan, controller_of, longest_duration_s
 from vsnbench.control.settings import MotionSettings
-from vsnbench.values.action import Action
-from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import STOP, Drive, Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose, wrap_angle
 
 SETTINGS = MotionSettings()
@@ -34,7 +34,7 @@ class ExactBase:
         """Return whether the movement was completed, and the reason if not."""
         plan = LegPlan(movement, START)
         while (leg := plan.next(self.pose)) is not None:
-            controller = leg.controller(self.pose, SETTINGS)
+            controller = controller_of(leg, self.pose, leg.end_rad(START.heading_rad), SETTINGS)
             while controller.status is MotionStatus.MOVING:
                 self._waiting.append(controller.step(self.pose, self.now_s))
                 command = self._waiting.pop(0) if self.now_s < self.stuck_s else STANDSTILL
@@ -128,7 +128,7 @@ def test_a_base_that_stands_still_is_reported(movement: Drive) -> None:
     plan = LegPlan(movement, START)
     leg = plan.next(START)
     assert leg is not None
-    controller = leg.controller(START, SETTINGS)
+    controller = controller_of(leg, START, leg.end_rad(START.heading_rad), SETTINGS)
     now_s = 0.0
     while controller.status is MotionStatus.MOVING and now_s < 20:
         controller.step(START, now_s)
@@ -143,7 +143,7 @@ def test_a_base_that_stands_still_is_reported(movement: Drive) -> None:
 def test_silent_odometry_ends_a_movement_as_a_lost_sensor(movement: Drive) -> None:
     leg = LegPlan(movement, START).next(START)
     assert leg is not None
-    controller = leg.controller(START, SETTINGS)
+    controller = controller_of(leg, START, leg.end_rad(START.heading_rad), SETTINGS)
     now_s = 0.0
     while controller.status is MotionStatus.MOVING and now_s < 20:
         controller.step(START, now_s, stamp_s=0.0)
@@ -170,13 +170,26 @@ def test_a_point_that_is_missed_again_and_again_is_a_failure_with_its_distance()
 
 def test_a_small_remainder_behind_the_robot_is_reversed_without_a_turn() -> None:
     plan = LegPlan(Trajectory(((0.5, 0.0), (1.0, 0.0))), START)
-    assert plan.next(START).action is Action.TRAJECTORY
+    assert plan.next(START).path
     leg = plan.next(START.compose(Pose(1.04, 0.002)))
-    assert leg.action is Action.MOVE_BACKWARD
-    assert leg.amount == pytest.approx(0.04, abs=0.001)
+    assert leg.backs_off
+    assert leg.way == pytest.approx(-0.04, abs=0.001)
     assert plan.next(START.compose(Pose(1.0, 0.002))) is None
     assert plan.failure == ""
 
 
 def test_a_point_behind_the_robot_is_first_faced() -> None:
-    assert LegPlan(Waypoint(-0.1, 0.0), START).next(START).action in (Action.TURN_LEFT, Action.TURN_RIGHT)
+    assert LegPlan(Waypoint(-0.1, 0.0), START).next(START).turns
+
+
+def test_an_action_is_one_leg_relative_to_the_held_heading() -> None:
+    held_rad = 0.3
+    for _ in range(12):
+        plan = LegPlan(Move(turn_rad=math.radians(30), holds_heading=True), START)
+        leg = plan.next(START)
+        held_rad = leg.end_rad(held_rad)
+        assert plan.next(START) is None
+    assert held_rad == pytest.approx(0.3 + math.tau, abs=1e-12)
+    ahead = LegPlan(Move(0.25, holds_heading=True), START).next(START)
+    assert (ahead.end_rad(held_rad), ahead.target, ahead.settings(SETTINGS)) == (held_rad, None, SETTINGS)
+    assert LegPlan(STOP, START).next(START) is None

@@ -8,7 +8,6 @@ from vsnbench.control.command import Command
 from vsnbench.control.response import BaseResponse, ResponseMeter, SentCommands, measured_response
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.slowest import SlowestVelocity
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 PERIOD_S = 0.02
@@ -53,7 +52,7 @@ def test_a_meter_keeps_the_median_and_the_slowest_velocity_of_each_axis() -> Non
         commands, readings = profile_of(0.05, lag_s, 50)
         sent = [(at_s, Command(velocity)) for at_s, velocity in commands]
         poses = [(at_s, Pose(way, 0.0)) for at_s, way in readings]
-        meter.add(Action.MOVE_FORWARD, 0.04, Pose(0.0, 0.0), sent, poses)
+        meter.add(0.04, Pose(0.0, 0.0), sent, poses, turns=False)
     assert meter.response is not None
     assert meter.response.lag_s == pytest.approx(0.08, abs=0.02)
     assert (meter.response.slowest_m_s, meter.response.slowest_rad_s) == (0.04, 0.0)
@@ -105,16 +104,13 @@ def test_the_rest_of_a_correction_is_covered_in_whole_periods() -> None:
     assert 0.0025 / (velocity * PERIOD_S) == pytest.approx(2)
 
 
-@pytest.mark.parametrize(("action", "least"), [(Action.MOVE_FORWARD, 0.8), (Action.TURN_LEFT, 0.5)])
-def test_a_base_that_makes_half_of_its_commands_is_never_driven_forward_much_faster(
-    action: Action, least: float
-) -> None:
+@pytest.mark.parametrize(("turns", "least"), [(False, 0.8), (True, 0.5)])
+def test_a_base_that_makes_half_of_its_commands_is_never_driven_forward_much_faster(turns: bool, least: float) -> None:
     meter = ResponseMeter()
     commands, readings = profile_of(0.05, 0.08, 50)
-    turns = action.turns
     sent = [(at_s, Command(0.0, velocity) if turns else Command(velocity)) for at_s, velocity in commands]
     poses = [(at_s, Pose(0.0, 0.0, way / 2) if turns else Pose(way / 2, 0.0)) for at_s, way in readings]
-    meter.add(action, 0.0, Pose(0.0, 0.0), sent, poses)
+    meter.add(0.0, Pose(0.0, 0.0), sent, poses, turns=turns)
     assert meter.response is not None
     scaled = meter.response.scaled(Command(0.2, 0.4))
     assert (scaled.angular_rad_s if turns else scaled.linear_m_s) == pytest.approx(

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.processes import Conversation, ProcessGroup
 
-NODE = Path(__file__).parents[1] / "ros1" / "nodes" / "client.py"
+NODE = Path(__file__).parents[1] / "ros" / "ros1" / "nodes" / "client.py"
 
 
 class ClientError(Exception):

@@ -6,6 +6,7 @@ from unittest.mock import MagicMock
 
 import pytest
 
+from tests.movements import FORWARD, LEFT
 from tests.runner.stand_ins import APARTMENT
 from tests.simulator.places import turtlebot2
 from vsnbench.robots.rehearsal import RehearsalRobot
@@ -16,7 +17,6 @@ from vsnbench.runner.stopping.emergency_key import PRESSED
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.simulator.dynamics import driven_base
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S
-from vsnbench.values.action import Action
 from vsnbench.values.movement import Waypoint
 from vsnbench.values.robot_profile import BaseDynamics
 
@@ -62,8 +62,8 @@ def placed(dynamics: BaseDynamics | None = None, *, real_time: bool = True) -> R
 def test_movements_take_as_long_as_on_the_robot_also_after_pauses(clock: Clock, dynamics: BaseDynamics | None) -> None:
     robot = placed(dynamics)
     for move in (
-        lambda: robot.execute(Action.TURN_LEFT),
-        lambda: robot.execute(Action.MOVE_FORWARD),
+        lambda: robot.drive(LEFT),
+        lambda: robot.drive(FORWARD),
         lambda: robot.drive(Waypoint(0.2, 0.0), lambda _view: ""),
     ):
         clock.now_s += 5.0  # the model thinks: what follows must not catch up
@@ -96,7 +96,7 @@ def test_a_stop_interrupts_the_movement_while_it_waits(clock: Clock, monkeypatch
 
         monkeypatch.setattr(clock, "sleep", sleep)
         with pytest.raises(Stopped), stop.interruptible():
-            robot.execute(Action.MOVE_FORWARD)
+            robot.drive(FORWARD)
     motion = robot.interrupted_motion()
     assert motion is not None
     assert motion.duration_s == pytest.approx((STOPPED_AT_PERIOD - 1) * CONTROL_PERIOD_S)
@@ -112,7 +112,7 @@ def test_only_an_operator_makes_it_real_time(clock: Clock) -> None:
         context: Any = MagicMock(operator=operator)
         InProcessExecutor(robot, None).session_begins(context)  # type: ignore[arg-type]  # no trial is run
         before = clock.sleeps
-        robot.execute(Action.TURN_LEFT)
+        robot.drive(LEFT)
         return clock.sleeps > before
 
     assert TerminalOperator.is_present

@@ -243,7 +243,8 @@ def test_a_server_like_upstreams_is_compared_with_the_odometry(rig) -> None:
         for _ in range(20):
             if turned["completed"]:
                 break
-            assert "answered True to Left, but the odometry" in turned["failure"] or "has turned" in turned["failure"]
+            failure = turned["failure"]
+            assert "answered True to turn left by 30°, but the odometry" in failure or "has turned" in failure
             turned = rig.client("execute", "TURN_LEFT")
         assert turned["completed"], turned["failure"]
         assert turned["turn_deg"] == pytest.approx(30, abs=9.2)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from shapely.geometry import Point
 
+from tests.movements import BACKWARD, FORWARD, LEFT, RIGHT
 from tests.simulator.places import square_room, turtlebot2
-from vsnbench.control.law import direction, heading_after, ideal_duration_s
+from vsnbench.control.legs import longest_duration_s
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
@@ -20,14 +21,14 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.sites.site import Site, SiteObject
-from vsnbench.values.action import Action
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.motion_result import CollisionSource, MotionResult
+from vsnbench.values.movement import STOP, Move
 from vsnbench.values.observation import Sensor
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_profile import RobotProfile
 
-MOTIONS = [Action.MOVE_FORWARD, Action.MOVE_BACKWARD, Action.TURN_LEFT, Action.TURN_RIGHT]
+MOTIONS = [FORWARD, BACKWARD, LEFT, RIGHT]
 CHAIR = SiteObject(id="chair-1", category="chair", position=(3.0, 2.0), heading_deg=180, size_m=(0.5, 0.5, 0.9))
 PLANT = SiteObject(id="plant-1", category="plant", position=(1.0, 3.2), size_m=(0.5, 0.5, 1.1))
 FURNISHED = square_room(4.0, CHAIR, PLANT)
@@ -48,26 +49,26 @@ def begun(robot: SimulatedRobot, seed: int = 0) -> SimulatedRobot:
 
 @dataclass(frozen=True)
 class Step:
-    """An action with odometry and true pose before and after it."""
+    """A movement with odometry and true pose before and after it."""
 
-    action: Action
+    movement: Move
     result: MotionResult
     believed: tuple[Pose, Pose]
     true: tuple[Pose, Pose]
 
 
-def drive(robot: SimulatedRobot, actions: list[Action]) -> list[Step]:
+def drive(robot: SimulatedRobot, movements: list[Move]) -> list[Step]:
     steps = []
     believed, true = Pose(0.0, 0.0), robot.locate().pose
-    for action in actions:
-        result = robot.execute(action)
+    for movement in movements:
+        result = robot.drive(movement)
         assert result.pose is not None
-        steps.append(Step(action, result, (believed, result.pose), (true, robot.locate().pose)))
+        steps.append(Step(movement, result, (believed, result.pose), (true, robot.locate().pose)))
         believed, true = result.pose, robot.locate().pose
     return steps
 
 
-def random_actions(number: int, seed: int = 1) -> list[Action]:
+def random_movements(number: int, seed: int = 1) -> list[Move]:
     rng = random.Random(seed)
     return [rng.choice(MOTIONS) for _ in range(number)]
 
@@ -81,7 +82,7 @@ def furnished() -> SimulatedRobot:
 def hike(request: pytest.FixtureRequest) -> tuple[SimulatedRobot, list[Step]]:
     """500 random actions in the open, by each of the embedded robots."""
     robot = begun(robot_in(square_room(40.0, start=(20.0, 20.0), heading_deg=17.0), load_profile(request.param)))
-    return robot, drive(robot, random_actions(500))
+    return robot, drive(robot, random_movements(500))
 
 
 def worst(errors: list[float]) -> float:
@@ -93,26 +94,25 @@ Hike = tuple[SimulatedRobot, list[Step]]
 
 @pytest.mark.parametrize("witness", ["believed", "true"])
 def test_of_500_actions_every_move_is_within_5_mm(hike: Hike, witness: str) -> None:
-    moves = [getattr(step, witness) for step in hike[1] if step.action.translates]
+    moves = [getattr(step, witness) for step in hike[1] if step.movement.distance_m]
     assert worst([before.distance_to(after) - 0.25 for before, after in moves]) < 0.005
 
 
 @pytest.mark.parametrize("witness", ["believed", "true"])
 def test_of_500_actions_every_turn_is_within_a_tenth_of_a_degree(hike: Hike, witness: str) -> None:
-    turns = [(direction(step.action) * 30, getattr(step, witness)) for step in hike[1] if step.action.turns]
+    turns = [(step.movement.turn_rad, getattr(step, witness)) for step in hike[1] if step.movement.turn_rad]
     errors = [
-        math.degrees(wrap_angle(after.heading_rad - before.heading_rad - math.radians(asked)))
-        for asked, (before, after) in turns
+        math.degrees(wrap_angle(after.heading_rad - before.heading_rad - asked_rad))
+        for asked_rad, (before, after) in turns
     ]
     assert worst(errors) < 0.1
 
 
 @pytest.mark.parametrize("witness", ["believed", "true"])
 def test_over_500_actions_the_heading_does_not_drift(hike: Hike, witness: str) -> None:
-    robot, steps = hike
     target = 0.0
-    for step in steps:
-        target = heading_after(step.action, target, robot.settings)
+    for step in hike[1]:
+        target += step.movement.turn_rad
         start_rad = math.radians(17.0) if witness == "true" else 0.0
         error_rad = wrap_angle(getattr(step, witness)[1].heading_rad - start_rad - target)
         assert abs(math.degrees(error_rad)) < 0.1
@@ -126,7 +126,8 @@ def test_over_500_actions_odometry_and_truth_stay_together(hike: Hike) -> None:
 
 def test_of_500_actions_none_takes_a_quarter_longer_than_the_ideal_profile(hike: Hike) -> None:
     robot, steps = hike
-    ratios = [step.result.duration_s / ideal_duration_s(step.action, robot.settings) for step in steps]
+    ideal_s = [longest_duration_s(step.movement, robot.settings) - robot.settings.timeout_s for step in steps]
+    ratios = [step.result.duration_s / shortest_s for step, shortest_s in zip(steps, ideal_s, strict=True)]
     assert min(ratios) >= 1.0
     assert max(ratios) < 1.25
 
@@ -136,10 +137,8 @@ def test_of_500_actions_all_are_reported_as_completed_with_what_was_measured(hik
         result = step.result
         assert result.completed
         assert (result.collision, result.failure) == (None, "")
-        side = direction(step.action)
-        moved_m, turned_rad = (side * 0.25, 0.0) if step.action.translates else (0.0, side * math.radians(30))
-        assert result.displacement_m == pytest.approx(moved_m, abs=0.005)
-        assert result.turn_rad == pytest.approx(turned_rad, abs=math.radians(0.1))
+        assert result.displacement_m == pytest.approx(step.movement.distance_m, abs=0.005)
+        assert result.turn_rad == pytest.approx(step.movement.turn_rad, abs=math.radians(0.1))
 
 
 def test_depth_beyond_the_cameras_range_is_told_from_depth_that_is_missing() -> None:
@@ -163,18 +162,18 @@ def test_it_is_a_robot(furnished: SimulatedRobot) -> None:
 def test_what_nobody_looks_at_is_not_drawn_and_changes_nothing_else() -> None:
     whole = begun(robot_in(FURNISHED))
     lean = begun(SimulatedRobot(FURNISHED, whole.profile, ProtocolParameters(), read=frozenset({Sensor.ODOMETRY})))
-    for action in random_actions(12):
+    for movement in random_movements(12):
         drawn, measured = whole.observe(), lean.observe()
         assert Sensor.RGB in drawn.sensors
         assert measured.sensors == {Sensor.DEPTH, Sensor.ODOMETRY}
         assert np.array_equal(drawn.depth_m, measured.depth_m, equal_nan=True)
         assert (drawn.pose, drawn.stamp_s) == (measured.pose, measured.stamp_s)
-        assert whole.execute(action) == lean.execute(action)
+        assert whole.drive(movement) == lean.drive(movement)
 
 
 def test_a_wall_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
-    results = [robot.execute(action) for action in [Action.TURN_LEFT] * 3 + [Action.MOVE_FORWARD] * 8]
+    results = [robot.drive(movement) for movement in [LEFT] * 3 + [FORWARD] * 8]
     assert all(result.completed for result in results[:-1])
     last = results[-1]
     assert last.collision is not None
@@ -187,7 +186,7 @@ def test_a_wall_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:
 
 def test_a_chair_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
-    results = [robot.execute(Action.MOVE_FORWARD) for _ in range(3)]
+    results = [robot.drive(FORWARD) for _ in range(3)]
     assert [result.collision is not None for result in results] == [False, False, True]
     assert results[-1].collision is not None
     assert results[-1].collision.touched == "chair-1"
@@ -199,8 +198,8 @@ def test_a_chair_ends_a_move_and_is_named(furnished: SimulatedRobot) -> None:
 
 def test_turning_beside_a_thing_touches_nothing(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
-    assert robot.execute(Action.MOVE_FORWARD).completed
-    assert all(robot.execute(Action.TURN_LEFT).completed for _ in range(12))
+    assert robot.drive(FORWARD).completed
+    assert all(robot.drive(LEFT).completed for _ in range(12))
 
 
 def test_a_start_inside_furniture_is_refused_by_name() -> None:
@@ -211,24 +210,22 @@ def test_a_start_inside_furniture_is_refused_by_name() -> None:
 
 def test_nothing_can_be_done_before_an_episode_begins_or_after_closing() -> None:
     robot = robot_in(FURNISHED)
-    for attempt in (robot.observe, robot.locate, lambda: robot.execute(Action.STOP)):
+    for attempt in (robot.observe, robot.locate, lambda: robot.drive(STOP)):
         with pytest.raises(RobotError, match="begin an episode"):
             attempt()
     robot.halt()
     with robot:
         begun(robot)
-        assert robot.execute(Action.STOP).completed
+        assert robot.drive(STOP).completed
     robot.halt()
     with pytest.raises(RobotError, match="begin an episode"):
         robot.observe()
 
 
-@pytest.mark.parametrize("action", [Action.STOP, Action.NOOP])
-def test_stop_moves_nothing_and_takes_no_time(furnished: SimulatedRobot, action: Action) -> None:
+def test_stop_moves_nothing_and_takes_no_time(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
     before = robot.locate()
-    result = robot.execute(action)
-    assert direction(action) == 0
+    result = robot.drive(STOP)
     assert result.completed
     assert (result.displacement_m, result.turn_rad, result.duration_s) == (0.0, 0.0, 0.0)
     assert robot.locate() == before
@@ -236,12 +233,12 @@ def test_stop_moves_nothing_and_takes_no_time(furnished: SimulatedRobot, action:
 
 def test_odometry_starts_at_zero_in_every_episode_and_is_relative_to_the_start(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
-    robot.execute(Action.TURN_LEFT)
+    robot.drive(LEFT)
     begun(robot)
     assert robot.observe().pose == Pose(0.0, 0.0, 0.0)
     assert robot.observe().stamp_s == 0.0
-    robot.execute(Action.TURN_RIGHT)
-    robot.execute(Action.MOVE_FORWARD)
+    robot.drive(RIGHT)
+    robot.drive(FORWARD)
     seen = robot.observe()
     assert seen.pose.position == pytest.approx(
         (0.25 * math.cos(math.radians(30)), -0.25 * math.sin(math.radians(30))), abs=0.003
@@ -253,14 +250,14 @@ def test_odometry_starts_at_zero_in_every_episode_and_is_relative_to_the_start(f
 def test_time_passes_by_motion_only(furnished: SimulatedRobot) -> None:
     robot = begun(furnished)
     assert robot.observe().stamp_s == robot.observe().stamp_s == 0.0
-    result = robot.execute(Action.TURN_LEFT)
+    result = robot.drive(LEFT)
     assert robot.observe().stamp_s == pytest.approx(result.duration_s)
 
 
 def test_depth_outside_the_cameras_range_is_invalid(furnished: SimulatedRobot) -> None:
     camera = furnished.profile.camera
     robot = begun(furnished)
-    robot.execute(Action.MOVE_FORWARD)
+    robot.drive(FORWARD)
     depth_m = robot.observe().depth_m
     assert depth_m is not None
     assert depth_m.shape == (camera.height, camera.width)
@@ -269,7 +266,7 @@ def test_depth_outside_the_cameras_range_is_invalid(furnished: SimulatedRobot) -
     assert camera.depth_min_m <= valid.min() < valid.max() <= camera.depth_max_m
     near = camera.model_copy(update={"depth_min_m": 1.5})
     short = begun(SimulatedRobot(FURNISHED, robot.profile.model_copy(update={"camera": near})))
-    short.execute(Action.MOVE_FORWARD)
+    short.drive(FORWARD)
     cut = short.observe().depth_m
     assert cut is not None
     np.testing.assert_array_equal(cut, np.where(depth_m >= 1.5, depth_m, np.nan))
@@ -292,8 +289,8 @@ def fingerprint(robot: SimulatedRobot, seed: int) -> str:
     """Return a hash of all measurements and images of an episode of 12 actions."""
     begun(robot, seed)
     digest = hashlib.sha256()
-    for action in random_actions(12, seed=5):
-        result = robot.execute(action)
+    for movement in random_movements(12, seed=5):
+        result = robot.drive(movement)
         seen = robot.observe()
         assert seen.depth_m is not None
         for part in (seen.rgb, seen.depth_m, repr((result, robot.locate(), seen.pose, seen.stamp_s)).encode()):
@@ -324,7 +321,7 @@ def test_another_process_measures_and_sees_the_same(furnished: SimulatedRobot) -
 
 def test_noise_makes_odometry_drift_and_depth_lose_pixels(furnished: SimulatedRobot) -> None:
     noisy = robot_in(FURNISHED, noise=NoiseSettings())
-    plan = [Action.MOVE_FORWARD, *[Action.TURN_LEFT] * 6, Action.MOVE_FORWARD, Action.MOVE_FORWARD]
+    plan = [FORWARD, *[LEFT] * 6, FORWARD, FORWARD]
     clean_robot, noisy_robot = begun(furnished), begun(noisy)
     drive(clean_robot, plan)
     steps = drive(noisy_robot, plan)

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from tests.movements import FORWARD, movement_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView
 from vsnbench.robots.profiles import load_profile
@@ -116,7 +117,7 @@ def test_a_profile_with_dynamics_moves_accurately_by_the_mover_of_real_robots() 
         (Action.MOVE_BACKWARD, 0.25, 0.0),
     ]:
         before = robot.locate().pose
-        result = robot.execute(action)
+        result = robot.drive(movement_of(action))
         assert (result.completed, result.failure) == (True, "")
         after = robot.locate().pose
         assert before.distance_to(after) == pytest.approx(moved_m, abs=0.005)
@@ -142,7 +143,7 @@ def test_a_late_robot_stops_before_a_wall_and_the_same_seed_is_the_same_episode(
 
 def test_a_late_robot_that_touches_a_wall_reports_the_collision() -> None:
     robot = late_robot(2.65)
-    result = robot.execute(Action.MOVE_FORWARD)
+    result = robot.drive(FORWARD)
     assert result.collision is not None
     assert result.collision.touched == "wall"
     assert not result.completed

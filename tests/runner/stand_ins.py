@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from tests.movements import ACTION_OF
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.contract import Robot
+from vsnbench.robots.contract import Robot, Watch
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.sites.site import StartingPosition, load_site
@@ -16,6 +17,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
@@ -73,9 +75,9 @@ class StandInRobot(Robot):
         depth = np.full((48, 64), self.depth_m, np.float32)
         return Observation(np.zeros((48, 64, 3), np.uint8), depth, Pose(0, 0), 0.0, PROFILE.camera)
 
-    def execute(self, action: Action) -> MotionResult:
-        self.executed.append(action)
-        return self.on_execute(action)
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
+        self.executed.append(ACTION_OF[movement])
+        return self.on_execute(self.executed[-1])
 
     def locate(self) -> Fix:
         return Fix(self.place, PoseSource.SIMULATED)

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from vsnbench.control.command import Command
 from vsnbench.control.settings import MotionSettings
 from vsnbench.robots.profiles import load_profile
-from vsnbench.sensing.discrete_mover import DiscreteMover
-from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.simulated_base import SimulatedBase
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import parse_site
-from vsnbench.values.movement import Drive, Trajectory, Waypoint
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Drive, Move, Trajectory, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
@@ -38,6 +38,11 @@ SETTINGS = MotionSettings.for_robot(PROFILE)
 REST_S = 0.5
 
 
+def held(distance_m: float = 0.0, turn_deg: float = 0.0) -> Move:
+    """An action of the paper."""
+    return Move(distance_m, math.radians(turn_deg), holds_heading=True)
+
+
 @dataclass
 class Stand:
     """A mover on a simulated base."""
@@ -48,7 +53,7 @@ class Stand:
     settings: MotionSettings | None = None
     seed: int = 5
     base: SimulatedBase = field(init=False)
-    mover: DiscreteMover = field(init=False)
+    mover: Mover = field(init=False)
     _due_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -62,7 +67,7 @@ class Stand:
         def now_s() -> float:
             return self.base.now_s
 
-        self.mover = DiscreteMover(self.hear, self.settings, tracker, now_s, self.sleep_until, now_s)
+        self.mover = Mover(self.hear, self.settings, tracker, now_s, self.sleep_until, now_s)
         self.sleep_until(1.5)
 
     def hear(self, command: Command) -> None:
@@ -81,17 +86,11 @@ class Stand:
         """Pass a reading of the odometry to the mover."""
         self.mover.take_odometry(pose.x_m, pose.y_m, math.remainder(pose.heading_rad, math.tau), self.base.now_s)
 
-    def ask(self, movement: str, angle_deg: int = 30) -> Outcome:
-        """Have a discrete movement executed, and wait until the base is at rest."""
-        outcome = self.mover.carry_out(movement, angle_deg, lambda: False)
+    def drive(self, movement: Drive) -> MotionResult:
+        """Have a movement executed, and wait until the base is at rest."""
+        result = self.mover.drive(movement, lambda: False)
         self.sleep_until(self.base.now_s + REST_S)
-        return outcome
-
-    def drive(self, movement: Drive) -> Outcome:
-        """Have a movement with parameters executed, and wait until the base is at rest."""
-        outcome = self.mover.drive(movement, lambda: False)
-        self.sleep_until(self.base.now_s + REST_S)
-        return outcome
+        return result
 
 
 POSITION_M = 0.015
@@ -104,7 +103,7 @@ FACING_RAD = math.radians(10)
 class Trial:
     """One movement, judged by the true poses of the base."""
 
-    outcome: Outcome
+    result: MotionResult
     off_m: float
     """Distance from the requested position, or error of a move's length."""
     off_rad: float
@@ -124,34 +123,30 @@ class Trial:
         return self.off_rad < FACING_RAD
 
 
-def trial(stand: Stand, kind: str, movement: "Drive | float") -> Trial:
+def trial(stand: Stand, kind: str, movement: Drive) -> Trial:
     """Have one movement executed and compare it with what was requested.
 
     Args:
         stand: base and mover.
         kind: turn, move, waypoint, trajectory or S-curve.
-        movement: the movement; for a turn degrees, positive to the left; for a move 1 forward or -1 backward.
+        movement: the movement.
     """
     if math.hypot(*stand.base.pose.position) > 20:  # before it reaches the wall
         stand.base.put_down(Pose(0.0, 0.0, stand.base.pose.heading_rad), stand.seed)
         stand.sleep_until(stand.base.now_s + 3 * REST_S)
     before, began_s = stand.base.pose, stand.base.now_s
     stand.mover.forget_heading()
-    if isinstance(movement, float):
-        words = ("Left", "Right") if kind == "turn" else ("Forward", "Backward")
-        angle_deg = round(abs(movement)) if kind == "turn" else 0
-        outcome = stand.mover.carry_out(words[movement < 0], angle_deg, lambda: False)
-    else:
-        outcome = stand.mover.drive(movement, lambda: False)
+    result = stand.mover.drive(movement, lambda: False)
     took_s = stand.base.now_s - began_s
     stand.sleep_until(stand.base.now_s + REST_S)
     after = stand.base.pose
     if kind == "turn":
-        assert isinstance(movement, float)
-        wanted = Pose(*before.position, before.heading_rad + math.radians(movement))
+        assert isinstance(movement, Move)
+        wanted = Pose(*before.position, before.heading_rad + movement.turn_rad)
         off_m = after.distance_to(before)
     elif kind == "move":
-        wanted, off_m = before, abs(after.distance_to(before) - stand.settings.forward_m)
+        assert isinstance(movement, Move)
+        wanted, off_m = before, abs(after.distance_to(before) - abs(movement.distance_m))
     else:
         assert isinstance(movement, Waypoint | Trajectory)
         points = [
@@ -162,10 +157,10 @@ def trial(stand: Stand, kind: str, movement: "Drive | float") -> Trial:
         wanted = before.compose(Pose(bx, by, math.atan2(by - ay, bx - ax)))
         off_m = after.distance_to(wanted)
     off_rad = abs(math.remainder(after.heading_rad - wanted.heading_rad, math.tau))
-    return Trial(outcome, off_m, off_rad, took_s)
+    return Trial(result, off_m, off_rad, took_s)
 
 
-def movements(kind: str, count: int, seed: int) -> list["Drive | float"]:
+def movements(kind: str, count: int, seed: int) -> list[Drive]:
     """Return random movements of a kind."""
     choice = random.Random(f"{kind} {seed}")
     return [_MADE[kind](choice) for _ in range(count)]
@@ -198,9 +193,9 @@ def _waypoint(choice: random.Random) -> Waypoint:
     return Waypoint(reach_m * math.cos(bearing_rad), reach_m * math.sin(bearing_rad))
 
 
-_MADE: dict[str, Callable[[random.Random], "Drive | float"]] = {
-    "turn": lambda choice: choice.choice([-1.0, 1.0]) * choice.choice([15, 30, 30, 90]),
-    "move": lambda choice: choice.choice([1.0, 1.0, -1.0]),
+_MADE: dict[str, Callable[[random.Random], Drive]] = {
+    "turn": lambda choice: held(turn_deg=choice.choice([-1.0, 1.0]) * choice.choice([15, 30, 30, 90])),
+    "move": lambda choice: held(choice.choice([0.25, 0.25, -0.25])),
     "waypoint": _waypoint,
     "trajectory": _trajectory,
     "S-curve": _s_curve,

@@ -41,7 +41,7 @@ def test_a_movement_on_a_difficult_base_is_done_facing_ahead_and_in_time(base: s
     dynamics, slower = BASES[base]
     stand = Stand(dynamics)
     tried = [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=1)]
-    assert [one.outcome.reason for one in tried] == [""] * COUNT
+    assert [one.result.failure for one in tried] == [""] * COUNT
     assert [one.off_m for one in tried if not one.is_true(kind)] == []
     took = mean(one.took_s / ideal.took_s for one, ideal in zip(tried, ideal_trials(kind), strict=True))
     assert took < slower
@@ -51,9 +51,9 @@ def test_a_movement_on_a_difficult_base_is_done_facing_ahead_and_in_time(base: s
 def test_a_movement_ends_at_its_deadline(kind: str) -> None:
     stand = Stand(LATE)
     before_s = stand.base.now_s
-    outcome = stand.mover.drive(movements(kind, 1, seed=1)[0], lambda: False, timeout_s=2.0)
-    assert not outcome.answer
-    assert "not done after" in outcome.reason
+    result = stand.mover.drive(movements(kind, 1, seed=1)[0], lambda: False, timeout_s=2.0)
+    assert not result.completed
+    assert "not done after" in result.failure
     assert stand.base.now_s - before_s == pytest.approx(2.0, abs=0.05)
     stand.sleep_until(stand.base.now_s + 1.0)
     assert stand.base.command.linear_m_s == 0.0
@@ -61,6 +61,6 @@ def test_a_movement_ends_at_its_deadline(kind: str) -> None:
 
 def test_a_velocity_ends_at_rest_on_a_noisy_base() -> None:
     stand = Stand(BASES["noisy"][0])
-    outcome = stand.drive(Velocity(0.2, 0.3, 1.5))
-    assert outcome.answer, outcome.reason
-    assert outcome.duration_s < 3.5
+    result = stand.drive(Velocity(0.2, 0.3, 1.5))
+    assert result.completed, result.failure
+    assert result.duration_s < 3.5

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from tests.movements import FORWARD, LEFT
 from tests.sensing.stand import SETTINGS, Stand
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.sensing.hazards import Hazard
-from vsnbench.sensing.movements import Outcome
 from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
@@ -52,14 +52,6 @@ class FaultyStand(Stand):
         if self.is_nan:
             self.mover.take_odometry(math.nan, pose.y_m, 0.0, self.base.now_s)
 
-    def execute(self, movement: str) -> Outcome:
-        def gone() -> bool:
-            return self.caller_is_gone
-
-        if movement in DRIVES:
-            return self.mover.drive(DRIVES[movement], gone)
-        return self.mover.carry_out(movement, 30, gone)
-
     @property
     def zeroed_after_s(self) -> float:
         """Time from the fault to the first of the zero velocities for good."""
@@ -69,13 +61,14 @@ class FaultyStand(Stand):
         return min(at_s for at_s, _ in self.sent if at_s > moving_s[-1]) - self.fault_s
 
 
-DRIVES = {
+MOVEMENTS = {
+    "forward": FORWARD,
+    "turn": LEFT,
     "waypoint": Waypoint(1.0, 0.3),
     "move": Move(0.8, 0.9),
     "trajectory": Trajectory(((0.4, 0.0), (0.8, 0.2), (1.2, 0.4))),
     "velocity": Velocity(0.2, 0.2, 3.0),
 }
-MOVEMENTS = ["Forward", "Left", *DRIVES]
 
 
 @dataclass(frozen=True)
@@ -114,8 +107,8 @@ FAULTS = {
 def test_a_fault_ends_a_movement_for_its_reason_in_time(name: str, movement: str) -> None:
     fault = FAULTS[name]
     base = FaultyStand(fault=fault.cause)
-    outcome = base.execute(movement)
-    assert outcome.answer is False
-    assert fault.says in outcome.reason
-    assert outcome.sensor_lost is fault.sensor_lost
+    result = base.mover.drive(MOVEMENTS[movement], lambda: base.caller_is_gone)
+    assert result.completed is False
+    assert fault.says in result.failure
+    assert result.sensor_lost is fault.sensor_lost
     assert base.zeroed_after_s <= fault.zeroed_s + 1e-6

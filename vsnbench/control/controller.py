@@ -1,4 +1,4 @@
-"""State machine of one discrete motion: drive the profile, settle, measure, correct, or fail with a reason."""
+"""State machine of a turn or a straight move: drive the profile, settle, measure, correct, or fail with a reason."""
 
 import math
 from enum import StrEnum
@@ -9,19 +9,17 @@ from vsnbench.control.correction import COARSE, Correction
 from vsnbench.control.law import (
     acceleration,
     braking_speed,
-    deceleration,
-    direction,
     ideal_duration_s,
     speed,
     straight_error_m,
     turn_error_rad,
 )
+from vsnbench.control.leg import Leg
 from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import StallMonitor
 from vsnbench.control.standstill import QUIET, STILL_SHARE, RemainingFilter, RestWindow, StandstillNoise, is_quiet
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose, wrap_angle
 
 _LEARNING_SHARES = (0.1, 0.6)
@@ -53,7 +51,7 @@ class _Mark(NamedTuple):
 
 
 class MotionController(Controller):
-    """One action from start to end; it has no clock and no robot.
+    """One turn, or one straight move, from start to end; it has no clock and no robot.
 
     Call `step` with the newest odometry about every `settings.control_period_s`, send the returned command to the base,
     and stop when `status` is no longer MOVING. Motion commanded since the odometry was measured is added to it, at any
@@ -61,35 +59,30 @@ class MotionController(Controller):
     measured during acceleration. The result is judged only at rest; a small remaining error is corrected by dead
     reckoning.
 
-    A turn goes to the absolute `target_heading_rad` (see `heading_after`); a straight move holds this heading, or
-    steers to a `target`.
+    A turn goes to the absolute `target_heading_rad`; a straight move holds this heading, or steers to its target.
 
     Args:
-        action: the action.
+        leg: a turn or a straight leg.
         start: odometry at the start; a mean of readings if they are noisy.
         target_heading_rad: absolute heading.
         settings: speeds, limits and tolerances.
         noise: noise of the odometry at rest; above a small share of the tolerance the remaining distance is filtered,
             and `RestWindow` judges the result.
-        start_error: standard error of `start` along the action.
+        start_error: standard error of `start` along the motion.
         response: response of the base, measured in earlier movements; None if it is not known.
-        target: end of a straight move (x, y) in the frame of the odometry, for a base that drifts to the side; None for
-            a distance from the start.
     """
 
     def __init__(
         self,
-        action: Action,
+        leg: Leg,
         start: Pose,
         target_heading_rad: float,
         settings: MotionSettings,
         noise: StandstillNoise = QUIET,
         start_error: float = 0.0,
         response: BaseResponse | None = None,
-        target: tuple[float, float] | None = None,
     ) -> None:
         super().__init__()
-        self.action = action
         self.settings = settings
         self._start = start
         self._target_heading_rad = target_heading_rad
@@ -103,27 +96,24 @@ class MotionController(Controller):
         self._knows_response = response is not None
         response = response or BaseResponse(settings.latency_s)
         self._sent = SentCommands(response)
-        self._target = target
+        self._target = leg.target
         self._still_since: _Mark | None = None
         self._commands: list[_Mark] = []
         self._window: RestWindow | None = None
         self._smoothing: RemainingFilter | None = None
-        if not action.moves:
-            self.status = MotionStatus.DONE
-            return
-        self._way = settings.way(action)
-        self._sign = direction(action)
-        self._turns = action.turns
+        self._way = abs(leg.way)
+        self._sign = 1 if leg.way > 0 else -1
+        self._turns = turns = leg.turns
         self._left = self._way
-        self._cruise = settings.cruise(action)
-        self._limit_s = ideal_duration_s(action, settings) + settings.timeout_s
+        self._cruise = settings.cruise(turns=turns)
+        self._limit_s = ideal_duration_s(self._way, settings, turns=turns) + settings.timeout_s
         self._period_s = settings.control_period_s
         self._stall_s = settings.stall_s
-        self._stall = StallMonitor(settings.stall_s, COARSE * settings.tolerance(action))
+        self._tolerance = settings.tolerance(turns=turns)
+        self._stall = StallMonitor(settings.stall_s, COARSE * self._tolerance)
         self._odometry_timeout_s = settings.odometry_timeout_s
-        self._tolerance = settings.tolerance(action)
-        self._acceleration = acceleration(action, settings)
-        self._deceleration = deceleration(action, settings)
+        self._acceleration = acceleration(self._cruise, self._way, settings.acceleration_share)
+        self._deceleration = acceleration(self._cruise, self._way, settings.deceleration_share)
         self._slowest = SlowestVelocity(
             response.slowest_rad_s if self._turns else response.slowest_m_s, self._cruise, self._tolerance, settings
         )
@@ -188,7 +178,7 @@ class MotionController(Controller):
         return command
 
     def error(self, pose: Pose) -> float:
-        """Return the remaining distance at `pose`: metres or radians, positive in the direction of the action."""
+        """Return the remaining distance at `pose`: metres or radians, positive in the direction of the motion."""
         if self._turns:
             return self._sign * (self._turn_rad - self._turned_rad)
         if self._target is not None:
@@ -254,7 +244,7 @@ class MotionController(Controller):
         return max(-limit_rad_s, min(hold_rad_s, limit_rad_s))
 
     def _along(self, linear: float, angular: float) -> float:
-        """Return the component of a velocity, or of its integral, in the direction of the action."""
+        """Return the component of a velocity, or of its integral, in the direction of the motion."""
         return self._sign * (angular if self._turns else linear)
 
     def _learn_latency(self, left: float, now_s: float, stamp_s: float) -> None:

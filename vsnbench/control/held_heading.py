@@ -36,15 +36,14 @@ class HeldHeading:
         """Hold the target of a movement that reached it."""
         self._heading_rad = heading_rad
 
-    def start_rad(self, measured_rad: float, error_rad: float) -> float:
-        """Return the heading to which a movement is relative.
-
-        Args:
-            measured_rad: heading of the robot.
-            error_rad: its standard error.
-        """
+    def begin(self, error_rad: float) -> None:
+        """Take the standard error of the measured heading at the begin of a leg."""
         if self._heading_rad is None:
             self.error_rad = error_rad
+
+    def start_rad(self, measured_rad: float) -> float:
+        """Return the heading to which a leg is relative that holds the heading, from that of the robot."""
+        if self._heading_rad is None:
             return measured_rad
         off_rad = turn_error_rad(self._heading_rad, measured_rad)
         if abs(off_rad) > _MOVED_BY_HAND_RAD:

@@ -3,23 +3,7 @@
 import math
 
 from vsnbench.control.settings import MotionSettings
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose, wrap_angle
-
-
-def direction(action: Action) -> int:
-    """Return the sign of an action's motion: +1 forward and left, -1 backward and right, 0 for STOP and NOOP."""
-    if not action.moves:
-        return 0
-    return 1 if action in (Action.MOVE_FORWARD, Action.TURN_LEFT) else -1
-
-
-def heading_after(action: Action, heading_rad: float, settings: MotionSettings) -> float:
-    """Return the absolute heading target after an action that starts with the target `heading_rad`.
-
-    Targets follow targets, not measurements, so that errors of turns do not accumulate.
-    """
-    return heading_rad + direction(action) * settings.turn_rad if action.turns else heading_rad
 
 
 def turn_error_rad(target_rad: float, current_rad: float) -> float:
@@ -37,14 +21,15 @@ def speed(initial: float, acceleration: float, way: float) -> float:
     return math.sqrt(max(initial * initial + 2 * acceleration * way, 0.0))
 
 
-def acceleration(action: Action, settings: MotionSettings) -> float:
-    """Return the acceleration that reaches cruising speed within its share of the distance, per second squared."""
-    return settings.cruise(action) ** 2 / (2 * settings.acceleration_share * settings.way(action))
+def acceleration(cruise: float, way: float, share: float) -> float:
+    """Return the acceleration that reaches cruising speed, or stops from it, within a share of the way.
 
-
-def deceleration(action: Action, settings: MotionSettings) -> float:
-    """Return the deceleration that stops from cruising speed within its share of the distance, per second squared."""
-    return settings.cruise(action) ** 2 / (2 * settings.deceleration_share * settings.way(action))
+    Args:
+        cruise: m/s or rad/s.
+        way: length of the motion, metres or radians.
+        share: share of the way.
+    """
+    return cruise**2 / (2 * share * way)
 
 
 def braking_speed(remaining: float, deceleration: float, period_s: float) -> float:
@@ -57,11 +42,10 @@ def braking_speed(remaining: float, deceleration: float, period_s: float) -> flo
     return max(speed(step, deceleration, max(remaining, 0.0)) - step, 0.0)
 
 
-def ideal_duration_s(action: Action, settings: MotionSettings) -> float:
-    """Return the duration of the profile on a base that follows it perfectly, seconds."""
-    if not action.moves:
+def ideal_duration_s(way: float, settings: MotionSettings, *, turns: bool) -> float:
+    """Return the duration of the profile of a way, metres or radians, on a base that follows it perfectly; seconds."""
+    if not way:
         return 0.0
-    cruise = settings.cruise(action)
-    ramps = cruise / acceleration(action, settings) + cruise / deceleration(action, settings)
-    coasting_share = 1 - settings.acceleration_share - settings.deceleration_share
-    return ramps + coasting_share * settings.way(action) / cruise
+    cruise, shares = settings.cruise(turns=turns), (settings.acceleration_share, settings.deceleration_share)
+    ramps = cruise / acceleration(cruise, way, shares[0]) + cruise / acceleration(cruise, way, shares[1])
+    return ramps + (1 - shares[0] - shares[1]) * way / cruise

@@ -5,13 +5,12 @@ from bisect import bisect_left
 from itertools import accumulate, pairwise
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
-from vsnbench.control.law import acceleration, braking_speed, deceleration, speed, turn_error_rad
+from vsnbench.control.law import acceleration, braking_speed, speed, turn_error_rad
 from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import StallMonitor
 from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise, is_quiet
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose, advanced
 
 _LOOK_AHEAD_M = 0.20
@@ -60,8 +59,9 @@ class PathController(Controller):
         self._at_m = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(path))]
         self.length_m = self._at_m[-1]
         self._limit_s = 2 * self.length_m / settings.linear_m_s + len(path) * 3.0 + settings.timeout_s
-        self._acceleration = acceleration(Action.MOVE_FORWARD, settings)
-        self._deceleration = deceleration(Action.MOVE_FORWARD, settings)
+        cruise_m_s, way_m = settings.linear_m_s, settings.forward_m
+        self._acceleration = acceleration(cruise_m_s, way_m, settings.acceleration_share)
+        self._deceleration = acceleration(cruise_m_s, way_m, settings.deceleration_share)
         response = response or BaseResponse(settings.latency_s)
         self._delay_s = response.delay_s
         self._sent = SentCommands(response)

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.control.command import STANDSTILL, Command
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 _STEP_S = 0.005
@@ -150,22 +149,22 @@ class ResponseMeter:
 
     def add(
         self,
-        action: Action,
         slowest: float,
         start: Pose,
         commands: Sequence[tuple[float, Command]],
         readings: Sequence[tuple[float, Pose]],
+        *,
+        turns: bool,
     ) -> None:
         """Add a turn or a straight move that ended by itself; one that was short or does not fit shows no delay.
 
         Args:
-            action: the turn or the move.
             slowest: slowest velocity that moves the base, as far as it showed; m/s or rad/s.
             start: odometry at its start.
             commands: time and velocity of each command, the last one zero.
             readings: time of measurement and odometry, on the same clock.
+            turns: whether it was a turn.
         """
-        turns = action.turns
         velocities = [(at_s, sent.angular_rad_s if turns else sent.linear_m_s) for at_s, sent in commands]
         covered = [(at_s, _covered(start, pose, turns=turns)) for at_s, pose in readings]
         response = measured_response(velocities, covered, _LEAST_RAD if turns else _LEAST_M)

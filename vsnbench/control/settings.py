@@ -6,7 +6,6 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.action import Action
 from vsnbench.values.robot_profile import RobotProfile
 
 
@@ -51,19 +50,13 @@ class MotionSettings(BaseModel):
             settle_s=max(0.06, 2.5 / profile.base.odometry_rate_hz),
         )
 
-    def way(self, action: Action) -> float:
-        """Return the length of an action: metres of a move, radians of a turn, 0 for STOP."""
-        if action.translates:
-            return self.forward_m
-        return self.turn_rad if action.turns else 0.0
+    def cruise(self, *, turns: bool) -> float:
+        """Return the cruising speed: rad/s of a turn, m/s of a move."""
+        return self.angular_rad_s if turns else self.linear_m_s
 
-    def cruise(self, action: Action) -> float:
-        """Return the cruising speed of an action: m/s of a move, rad/s of a turn."""
-        return self.angular_rad_s if action.turns else self.linear_m_s
-
-    def tolerance(self, action: Action) -> float:
-        """Return the tolerance of an action: metres of a move, radians of a turn."""
-        return self.heading_tolerance_rad if action.turns else self.position_tolerance_m
+    def tolerance(self, *, turns: bool) -> float:
+        """Return the tolerance: radians of a turn, metres of a move."""
+        return self.heading_tolerance_rad if turns else self.position_tolerance_m
 
 
 def _tolerances(profile: RobotProfile) -> dict[str, float]:

@@ -6,16 +6,16 @@ before its first episode and recorded; later changes have no effect.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 
 from vsnbench.errors import ModelError, ModelLostError
-from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.contract import Policy
 from vsnbench.models.task import Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runtime.time_limits import TimeLimitError, call_interrupted
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.decision import Decision
+from vsnbench.values.model.card import copy_of
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
@@ -33,8 +33,8 @@ class LoadedPolicy(Policy):
             remote: whether the policy is the client of a model in another process, which it may report as lost.
         """
         self.policy = policy
-        self.card = ModelCard(**{field.name: getattr(policy.card, field.name) for field in fields(ModelCard)})
         self.needs_survey = policy.needs_survey
+        self.card = copy_of(policy.card, surveyed=policy.needs_survey)
         self._act_timeout_s = act_timeout_s
         self._remote = remote
 

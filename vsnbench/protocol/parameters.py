@@ -1,14 +1,25 @@
 """Parameters of the protocol; defaults from the paper (Section 4.1)."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from vsnbench.values.action import Action
+from vsnbench.values.movement import Move
 from vsnbench.values.placement import PlacementTolerance
 
 PAPER_PROTOCOL = "ros4vsn"
 """Name of the paper's protocol, the default."""
+_MOVES: Mapping[Action, tuple[int, int]] = {
+    Action.STOP: (0, 0),
+    Action.MOVE_FORWARD: (1, 0),
+    Action.MOVE_BACKWARD: (-1, 0),
+    Action.TURN_LEFT: (0, 1),
+    Action.TURN_RIGHT: (0, -1),
+}
+"""Direction of each discrete action: forwards, and to the left."""
 _VERSION_3: Mapping[str, Any] = {"name": PAPER_PROTOCOL, "max_time_s": None, "max_path_m": None}
 """Fields of version 3 with their defaults."""
 
@@ -96,6 +107,17 @@ class ProtocolParameters(BaseModel):
     def limited_to(self, max_actions: int | None) -> Self:
         """Return these parameters with another maximum number of actions; unchanged for None."""
         return self if max_actions is None else self.model_copy(update={"max_actions": max_actions})
+
+    def movement_of(self, action: Action) -> Move:
+        """Return the movement of a discrete action: one of the paper's, whose headings are held.
+
+        Raises:
+            ValueError: the action has parameters, or robots do not execute it.
+        """
+        if action not in _MOVES:
+            raise ValueError(f"{action} is not a movement")
+        ahead, left = _MOVES[action]
+        return Move(ahead * self.forward_m, left * math.radians(self.turn_deg), holds_heading=True)
 
     @property
     def in_sight(self) -> bool:

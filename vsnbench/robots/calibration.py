@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_differences
 from vsnbench.robots.ros.link import connect
 from vsnbench.ros.common.robot_link import RobotLink
@@ -60,7 +59,7 @@ def calibrate(profile: RobotProfile) -> CameraCalibration:
             advice="set interface.depth: the mount is measured in depth images",
             code="no-depth",
         )
-    link = connect(profile, ProtocolParameters())
+    link = connect(profile)
     try:
         fov = _field_of_view(link, profile.camera)
         camera = profile.camera

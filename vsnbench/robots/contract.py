@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.battery import Battery
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix
@@ -36,7 +35,7 @@ class DrivingView:
     """Distance that this leg of the movement still has to cover; infinity if unknown."""
 
 
-PathCheck = Callable[[DrivingView], str]
+Watch = Callable[[DrivingView], str]
 """Returns why the robot must not drive on, or an empty string."""
 
 CameraPreview = Callable[[], npt.NDArray[np.uint8] | None]
@@ -46,7 +45,7 @@ BatteryReader = Callable[[], Battery | None]
 
 
 class Robot(ABC):
-    """A mobile base with a camera that executes one discrete action at a time.
+    """A mobile base with a camera that executes one movement at a time.
 
     Every method may raise RobotError. A subclass sets `sensors`, and overrides the attributes below whose default does
     not fit. A robot is a context manager: leaving it calls `close`.
@@ -63,7 +62,7 @@ class Robot(ABC):
     """
 
     action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})
-    """Kinds of actions that it executes; those other than `discrete` by `drive`."""
+    """Kinds of a model's answer that it executes. A discrete action is a `Move` with the sizes of the protocol."""
 
     needs_operator: bool = False
     """Whether an operator must put the robot at the start of every episode, before `begin`."""
@@ -139,24 +138,24 @@ class Robot(ABC):
         raise NotImplementedError(f"{type(self).__name__}.view_from")
 
     @abstractmethod
-    def execute(self, action: Action) -> MotionResult:
-        """Execute one action to its end and return the measured motion. Never called with NOOP."""
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
+        """Execute one movement to its end and return the measured motion.
 
-    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
-        """Execute one movement with parameters to its end and return the measured motion.
+        Called only with kinds in `action_kinds`. A robot for discrete actions receives a `Move` that turns or drives,
+        or `STOP`, which does neither. Its `holds_heading` says that a turn goes to the last target plus the angle: a
+        robot that turns accurately may ignore it.
 
-        Called only with kinds in `action_kinds`. A robot with a depth camera calls `check` with the newest image before
-        each leg that leaves its position, and at the rate of its camera while it drives. When `check` returns a reason,
-        the robot stops at once and returns it as `MotionResult.blocked`.
+        A robot with a depth camera calls `watch` with the newest image before each leg that leaves its position, and at
+        the rate of its camera while it drives. When `watch` returns a reason, the robot stops at once and returns it as
+        `MotionResult.blocked`.
 
         Args:
             movement: in the robot's frame.
-            check: decides whether the way ahead is free.
+            watch: decides whether the way ahead is free; None for an action that was checked before it began.
         """
-        raise NotImplementedError(f"{type(self).__name__}.drive")
 
     def interrupted_motion(self) -> MotionResult | None:
-        """Return what was measured since `execute` or `drive` after the last `observe`; None if it is not known.
+        """Return what was measured since `drive` after the last `observe`; None if it is not known.
 
         Called after `halt`, if a request to stop has interrupted the motion. The result is not completed;
         it is `NOT_BEGUN` if the motion had not begun.

@@ -9,16 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
-from vsnbench.control.controller import MotionController
-from vsnbench.control.law import heading_after
-from vsnbench.control.legs import LegPlan
+from vsnbench.control.leg import Leg
+from vsnbench.control.legs import LegPlan, controller_of
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.contract import DrivingView, PathCheck, Robot
+from vsnbench.robots.contract import DrivingView, Robot, Watch
 from vsnbench.robots.simulated_mover import SimulatedMover
-from vsnbench.sensing.movement_check import RequestedDrive, displacement_m, distance_along
-from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.movement_check import displacement_m, remaining_m
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
@@ -26,11 +24,10 @@ from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
+from vsnbench.values.movement import DRIVE_KINDS, STOP, ActionKind, Drive, holds_heading
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
@@ -42,14 +39,12 @@ _LOOK_PERIOD_S = 0.1
 
 @dataclass(slots=True)
 class _Motion:
-    """Begin of a movement."""
+    """Begin of a movement, and how far the robot has driven since."""
 
+    movement: Drive
     start: Pose
     start_s: float
-    movement: Drive | None = None
-    """None for a discrete action."""
-    path_m: float | None = None
-    """Driven so far, of a movement with parameters."""
+    path_m: float = 0.0
 
 
 class SimulatedRobot(Robot):
@@ -160,120 +155,112 @@ class SimulatedRobot(Robot):
             return view.depth_m
         return noisy_depth(view.depth_m, view.rgb, self._shininess[view.instance], self.noise.depth, rng)
 
-    def execute(self, action: Action) -> MotionResult:
-        """Execute an action. A contact stops it at once."""
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
+        """Execute a movement leg by leg. A contact stops it at once, and so does `watch`."""
         self._require_begun()
-        if not action.moves:
+        if movement == STOP:
             return MotionResult(completed=True, pose=_reported(self._odometry))
-        start, start_s = self._odometry, self._physics.time_s
-        self._motion = _Motion(start, start_s)
+        self._motion = motion = _Motion(movement, self._odometry, self._physics.time_s)
         if self._mover is not None:
-            return self._moved(self._mover, self._mover.execute(action), start, start_s)
-        self._target_heading_rad = heading_after(action, self._target_heading_rad, self.settings)
-        controller = MotionController(action, start, self._target_heading_rad, self.settings)
-        touch: Touch | None = None
-        command = controller.step(start, start_s)
+            return self._driven(self._mover, motion, watch)
+        plan = LegPlan(movement, self._odometry)
+        controller, touch, blocked = None, None, ""
+        while (leg := plan.next(self._odometry)) is not None:
+            end_rad = leg.end_rad(self._target_heading_rad)
+            controller = controller_of(leg, self._odometry, end_rad, self.settings)
+            touch, blocked = self._drive_leg(leg, controller, motion, watch)
+            if leg.holds_heading:
+                self._target_heading_rad = end_rad
+            else:
+                self._read_odometry(fresh=True)  # for the next leg
+                self._target_heading_rad = self._odometry.heading_rad
+            if not controller.done:
+                break
+        failure = "" if blocked else plan.failure if controller is None else controller.failure or plan.failure
+        return self._measured(
+            motion,
+            MotionResult(
+                completed=not failure and not blocked,
+                collision=self._collision_with(touch),
+                failure=failure,
+                corrections=0 if controller is None else controller.corrections,
+                blocked=blocked,
+            ),
+        )
+
+    def _drive_leg(
+        self, leg: Leg, controller: Controller, motion: _Motion, watch: Watch | None
+    ) -> tuple[Touch | None, str]:
+        """Drive a leg to its end; return the contact that ended it, and why `watch` ended it."""
+        command, looked_s = STANDSTILL, -math.inf
+        if not leg.translates:
+            watch = None
         while controller.status is MotionStatus.MOVING:
+            now_s = self._physics.time_s
+            if watch is not None and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
+                looked_s = now_s
+                if blocked := watch(self._driving_view(command, controller.remaining_m)):
+                    controller.abort(blocked)
+                    self._physics.stop()
+                    return None, blocked
+            command = controller.step(self._odometry, now_s, self._odometry_stamp_s)
+            if leg.holds_heading and controller.status is not MotionStatus.MOVING:
+                break  # at rest; between the legs of other movements, a period of zero velocity passes
+            before = self._odometry
             touch = self._base.drive(command)
             self._read_odometry()
+            motion.path_m += before.distance_to(self._odometry)
             if touch:
                 controller.abort(f"touched {self._name_of(touch)}")
                 self._physics.stop()
-                break
-            command = controller.step(self._odometry, self._physics.time_s, self._odometry_stamp_s)
-        return self._result(controller, start, start_s, touch)
-
-    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
-        """Execute a movement leg by leg. A contact stops it at once, and so does the check."""
-        self._require_begun()
-        start, start_s = self._odometry, self._physics.time_s
-        self._motion = motion = _Motion(start, start_s, movement, 0.0)
-        if self._mover is not None:
-            return self._driven(self._mover, movement, check)
-        plan = LegPlan(movement, start)
-        controller, touch, blocked = None, None, ""
-        while (leg := plan.next(self._odometry)) is not None and not blocked:
-            controller = leg.controller(self._odometry, self.settings)
-            command, looked_s = STANDSTILL, -math.inf
-            while controller.status is MotionStatus.MOVING:
-                now_s = self._physics.time_s
-                if leg.translates and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
-                    looked_s = now_s
-                    if blocked := check(self._driving_view(command, controller.remaining_m)):
-                        controller.abort(blocked)
-                        self._physics.stop()
-                        break
-                command = controller.step(self._odometry, now_s, self._odometry_stamp_s)
-                before = self._odometry
-                touch = self._base.drive(command)
-                self._read_odometry()
-                motion.path_m = (motion.path_m or 0.0) + before.distance_to(self._odometry)
-                if touch:
-                    controller.abort(f"touched {self._name_of(touch)}")
-                    self._physics.stop()
-                    break
-            self._read_odometry(fresh=True)
-            if not controller.done:
-                break
-        self._target_heading_rad = self._odometry.heading_rad
-        result = self._result(controller, start, start_s, touch)
-        return replace(
-            result,
-            completed=result.completed and not plan.failure,
-            failure=result.failure or plan.failure,
-            displacement_m=displacement_m(start, self._odometry, movement),
-            path_m=motion.path_m,
-            blocked=blocked,
-        )
+                return touch, ""
+        return None, ""
 
     def interrupted_motion(self) -> MotionResult | None:
         """Return the odometry's motion since the movement after the last observation began."""
-        motion = self._motion
-        if motion is None:
+        if self._motion is None:
             return NOT_BEGUN
-        if self._mover is not None and motion.path_m is not None:
-            motion.path_m = self._mover.path_m
-        result = self._result(None, motion.start, motion.start_s, None)
-        displaced_m = displacement_m(motion.start, self._odometry, motion.movement)
-        return replace(result, completed=False, displacement_m=displaced_m, path_m=motion.path_m)
+        if self._mover is not None:
+            self._motion.path_m = self._mover.path_m
+        return self._measured(self._motion, MotionResult(completed=False))
 
-    def _driven(self, mover: SimulatedMover, movement: Drive, check: PathCheck) -> MotionResult:
+    def _driven(self, mover: SimulatedMover, motion: _Motion, watch: Watch | None) -> MotionResult:
         """Execute a movement on a base that is not ideal."""
-        start, start_s = self._odometry, self._physics.time_s
-        requested = RequestedDrive(movement, self.settings)
         blocked, looked_s = "", -math.inf
 
         def blocked_now() -> str:
             nonlocal blocked, looked_s
             now_s = self._physics.time_s
-            if mover.command.linear_m_s and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
+            is_due = mover.command.linear_m_s and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2
+            if watch is not None and is_due:
                 looked_s = now_s
-                blocked = check(self._driving_view(mover.command, requested.remaining_m(start, mover.reading)))
+                left_m = remaining_m(motion.movement, motion.start, mover.reading)
+                blocked = watch(self._driving_view(mover.command, left_m))
             return blocked
 
-        result = self._moved(mover, mover.drive(movement, blocked_now), start, start_s)
-        return replace(
-            result,
-            failure="" if blocked else result.failure,
-            displacement_m=displacement_m(start, self._odometry, movement),
-            path_m=mover.path_m,
-            blocked=blocked,
+        result = mover.drive(motion.movement, blocked_now)
+        self._odometry, motion.path_m = mover.reading, mover.path_m
+        touched = self._collision_with(mover.touch)
+        if touched is not None:
+            result = replace(result, completed=False, failure=f"touched {touched.touched}")
+        return self._measured(
+            motion, replace(result, failure="" if blocked else result.failure, collision=touched, blocked=blocked)
         )
 
-    def _moved(self, mover: SimulatedMover, outcome: Outcome, start: Pose, start_s: float) -> MotionResult:
-        """Return the measured motion of a base that is not ideal."""
-        self._odometry = mover.reading
-        name = self._name_of(mover.touch) if mover.touch else ""
-        return MotionResult(
-            completed=outcome.answer and mover.touch is None,
-            displacement_m=distance_along(start, self._odometry),
-            turn_rad=self._odometry.heading_rad - start.heading_rad,
-            duration_s=self._physics.time_s - start_s,
-            collision=Collision(CollisionSource.CONTACT, name) if name else None,
-            failure=f"touched {name}" if name else outcome.reason,
-            corrections=outcome.corrections,
+    def _measured(self, motion: _Motion, result: MotionResult) -> MotionResult:
+        """Return a result with the measured motion since the begin of a movement."""
+        self._read_odometry(fresh=True)
+        return replace(
+            result,
+            displacement_m=displacement_m(motion.movement, motion.start, self._odometry),
+            turn_rad=self._odometry.heading_rad - motion.start.heading_rad,
+            duration_s=self._physics.time_s - motion.start_s,
             pose=_reported(self._odometry),
+            path_m=None if holds_heading(motion.movement) else motion.path_m,
         )
+
+    def _collision_with(self, touch: Touch | None) -> Collision | None:
+        return Collision(CollisionSource.CONTACT, self._name_of(touch)) if touch else None
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""
@@ -285,28 +272,13 @@ class SimulatedRobot(Robot):
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
 
-    def _result(self, controller: Controller | None, start: Pose, start_s: float, touch: Touch | None) -> MotionResult:
-        """Return the measured motion since `start`; without a controller, the robot had nothing to do."""
-        self._read_odometry(fresh=True)
-        motion = self._odometry.relative_to(start)
-        return MotionResult(
-            completed=controller is None or controller.done,
-            displacement_m=distance_along(start, self._odometry),
-            turn_rad=motion.heading_rad,
-            duration_s=self._physics.time_s - start_s,
-            collision=Collision(CollisionSource.CONTACT, self._name_of(touch)) if touch else None,
-            failure=controller.failure if controller is not None else "",
-            corrections=controller.corrections if controller is not None else 0,
-            pose=_reported(self._odometry),
-        )
-
     def locate(self) -> Fix:
         """Return the true pose of the base."""
         self._require_begun()
         return Fix(self._physics.pose, PoseSource.SIMULATED)
 
     def halt(self) -> None:
-        """Do nothing: the robot moves only within `execute`."""
+        """Do nothing: the robot moves only within `drive`."""
 
     def close(self) -> None:
         """End the episode."""

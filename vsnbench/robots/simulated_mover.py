@@ -9,19 +9,17 @@ from collections.abc import Callable
 
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.settings import MotionSettings
-from vsnbench.sensing.discrete_mover import DiscreteMover
-from vsnbench.sensing.movements import MOVEMENTS, Outcome
+from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch
-from vsnbench.values.action import Action
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
 _FIRST_REST_S = 0.5
 """Time at rest before the first movement, in which the noise of the odometry is measured."""
-_WORD_OF = {action: word for word, action in MOVEMENTS.items()}
 
 
 class _EndedError(Exception):
@@ -39,7 +37,6 @@ class SimulatedMover:
 
     def __init__(self, base: DrivenBase, profile: RobotProfile, settings: MotionSettings) -> None:
         self._base = base
-        self._settings = settings
         dynamics = profile.dynamics or IDEAL_BASE
         self._roll_out_s = dynamics.dead_time_s + 5 * dynamics.motor_time_constant_s
         self._period_s = 1 / (dynamics.odometry_rate_hz or profile.base.odometry_rate_hz)
@@ -49,7 +46,7 @@ class SimulatedMover:
         self.path_m = 0.0
         self.touch: Touch | None = None
         tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
-        self._mover = DiscreteMover(self._send, settings, tracker, self._now_s, self._sleep_until, self._now_s)
+        self._mover = Mover(self._send, settings, tracker, self._now_s, self._sleep_until, self._now_s)
         self._sleep_until(_FIRST_REST_S)
 
     @property
@@ -57,30 +54,22 @@ class SimulatedMover:
         """Velocity that is commanded now."""
         return self._command
 
-    def execute(self, action: Action) -> Outcome:
-        """Execute a discrete action to its end; a contact ends it."""
-        turn_deg = math.degrees(self._settings.turn_rad) if action.turns else 0.0
-        return self._ended(lambda gone: self._mover.carry_out(_WORD_OF[action], turn_deg, gone), lambda: "")
-
-    def drive(self, movement: Drive, check: Callable[[], str]) -> Outcome:
-        """Execute a movement with parameters; a contact ends it, and so does a reason that `check` returns."""
-        return self._ended(lambda gone: self._mover.drive(movement, gone), check)
-
-    def _ended(self, move: Callable[[Callable[[], bool]], Outcome], check: Callable[[], str]) -> Outcome:
+    def drive(self, movement: Drive, blocked: Callable[[], str]) -> MotionResult:
+        """Execute a movement; a contact ends it, and so does a reason that `blocked` returns."""
         self.path_m, self.touch = 0.0, None
 
         def has_to_end() -> bool:
-            if self.touch is not None or check():
+            if self.touch is not None or blocked():
                 raise _EndedError
             return False
 
         try:
-            outcome = move(has_to_end)
+            result = self._mover.drive(movement, has_to_end)
         except _EndedError:
             self._base.physics.stop()
-            outcome = Outcome("", False, "ended")
+            result = MotionResult(completed=False, failure="ended")
         self._sleep_until(self._now_s() + self._roll_out_s)
-        return outcome
+        return result
 
     def _now_s(self) -> float:
         return self._base.physics.time_s

@@ -1,12 +1,7 @@
 """Comparison of a movement with its request, by the odometry: while it runs, and after it was answered True."""
 
 import math
-from dataclasses import dataclass
-from typing import Self
 
-from vsnbench.control.law import direction
-from vsnbench.control.settings import MotionSettings
-from vsnbench.values.action import Action
 from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -29,119 +24,95 @@ class MovementAlarmError(Exception):
         """The way ahead is not free: the movement failed, the base did not."""
 
 
-@dataclass(frozen=True, slots=True)
-class RequestedMovement:
-    """A requested movement; backwards and to the right are negative."""
+def overshoot(movement: Drive, before: Pose, now: Pose) -> str:
+    """Return how far a running movement has left its request, or an empty string.
 
-    distance_m: float = 0.0
-    angle_rad: float = 0.0
-
-    @classmethod
-    def of(cls, action: Action, settings: MotionSettings) -> Self:
-        """Return the movement of an action."""
-        way = settings.way(action) * direction(action)
-        return cls(angle_rad=way) if action.turns else cls(distance_m=way)
-
-    def overshoot(self, before: Pose, now: Pose) -> str:
-        """Return how far a running movement has left its request, or an empty string.
-
-        Args:
-            before: odometry at the request.
-            now: current odometry, its heading unwrapped against `before`.
-        """
+    Args:
+        movement: the request.
+        before: odometry at the request.
+        now: current odometry, its heading unwrapped against `before`.
+    """
+    if isinstance(movement, Move) and movement.holds_heading:
         moved_m, turned_rad = distance_along(before, now), now.heading_rad - before.heading_rad
-        if _outside(moved_m, self.distance_m, MAX_ERROR_M):
-            return f"the robot has moved {moved_m * 100:.1f} cm where {self.distance_m * 100:g} cm were requested"
-        if _outside(turned_rad, self.angle_rad, MAX_ERROR_RAD):
-            turned_deg, angle_deg = math.degrees(turned_rad), math.degrees(self.angle_rad)
-            return f"the robot has turned {turned_deg:.1f}° where {angle_deg:g}° were requested"
+        if _outside(moved_m, movement.distance_m, MAX_ERROR_M):
+            return f"the robot has moved {moved_m * 100:.1f} cm where {movement.distance_m * 100:g} cm were requested"
+        if _outside(turned_rad, movement.turn_rad, MAX_ERROR_RAD):
+            turned_deg, turn_deg = math.degrees(turned_rad), math.degrees(movement.turn_rad)
+            return f"the robot has turned {turned_deg:.1f}° where {turn_deg:g}° were requested"
         return ""
+    reach_m, moved_m = _reach_m(movement), before.distance_to(now)
+    if moved_m > reach_m + MAX_ERROR_M:
+        return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {reach_m:.2f} m"
+    return ""
 
-    def contradiction(self, before: Pose, after: Pose) -> str:
-        """Return how the odometry contradicts the answer True, or an empty string."""
+
+def contradiction(movement: Drive, before: Pose, after: Pose) -> str:
+    """Return how the odometry contradicts that a movement is done, or an empty string."""
+    if isinstance(movement, Move) and movement.holds_heading:
         moved_m, turned_rad = distance_along(before, after), after.heading_rad - before.heading_rad
-        if abs(moved_m - self.distance_m) <= MAX_ERROR_M and abs(turned_rad - self.angle_rad) <= MAX_ERROR_RAD:
+        error_m, error_rad = abs(moved_m - movement.distance_m), abs(turned_rad - movement.turn_rad)
+        if error_m <= MAX_ERROR_M and error_rad <= MAX_ERROR_RAD:
             return ""
         return (
             f"the odometry moved {moved_m * 100:.1f} cm and turned {math.degrees(turned_rad):.1f}° instead of "
-            f"{self.distance_m * 100:g} cm and {math.degrees(self.angle_rad):g}°"
+            f"{movement.distance_m * 100:g} cm and {math.degrees(movement.turn_rad):g}°"
         )
+    target = _target(movement)
+    if target is None:
+        return overshoot(movement, before, after)
+    wanted = before.compose(target)
+    if (off_m := wanted.distance_to(after)) > _MAX_MISS_M:
+        return f"the odometry is {off_m * 100:.1f} cm from the requested position"
+    if isinstance(movement, Move) or (isinstance(movement, Waypoint) and movement.heading_rad is not None):
+        off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))
+        if off_rad > MAX_ERROR_RAD:
+            return f"the odometry is {math.degrees(off_rad):.1f}° from the requested heading"
+    return ""
 
 
-@dataclass(frozen=True, slots=True)
-class RequestedDrive:
-    """A requested movement with parameters."""
+def goes_forward(movement: Drive) -> bool:
+    """Return whether the robot drives forward, where its camera looks."""
+    match movement:
+        case Move(distance_m):
+            return distance_m > 0
+        case Velocity(linear_m_s):
+            return linear_m_s > 0
+    return True
 
-    movement: Drive
-    settings: MotionSettings
 
-    def overshoot(self, before: Pose, now: Pose) -> str:
-        """Return how far a running movement has left its request, or an empty string; see `RequestedMovement`."""
-        reach_m = self._reach_m
-        moved_m = before.distance_to(now)
-        if moved_m > reach_m + MAX_ERROR_M:
-            return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {reach_m:.2f} m"
-        return ""
+def remaining_m(movement: Drive, before: Pose, now: Pose) -> float:
+    """Return the distance that is left to the end; infinity for a trajectory, whose way is not straight."""
+    target = _target(movement)
+    if target is None:
+        return max(_reach_m(movement) - before.distance_to(now), 0.0)
+    if isinstance(movement, Trajectory):
+        return math.inf
+    return before.compose(target).distance_to(now)
 
-    def contradiction(self, before: Pose, after: Pose) -> str:
-        """Return how the odometry contradicts the answer True, or an empty string."""
-        target = self._target
-        if target is None:
-            return self.overshoot(before, after)
-        wanted = before.compose(target)
-        if (off_m := wanted.distance_to(after)) > _MAX_MISS_M:
-            return f"the odometry is {off_m * 100:.1f} cm from the requested position"
-        heading_rad = self.movement.heading_rad if isinstance(self.movement, Waypoint) else None
-        if isinstance(self.movement, Move):
-            heading_rad = self.movement.turn_rad
-        if heading_rad is not None:
-            off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))
-            if off_rad > MAX_ERROR_RAD:
-                return f"the odometry is {math.degrees(off_rad):.1f}° from the requested heading"
-        return ""
 
-    @property
-    def goes_forward(self) -> bool:
-        """Whether the robot drives forward, where its camera looks."""
-        match self.movement:
-            case Move(distance_m):
-                return distance_m > 0
-            case Velocity(linear_m_s):
-                return linear_m_s > 0
-        return True
+def _target(movement: Drive) -> Pose | None:
+    """Return the pose at the end in the robot's frame; None for a velocity."""
+    match movement:
+        case Move(distance_m, turn_rad):
+            return Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad), turn_rad)
+        case Waypoint(x_m, y_m, heading_rad):
+            return Pose(x_m, y_m, heading_rad or 0.0)
+        case Trajectory(points):
+            return Pose(*points[-1])
+        case Velocity():
+            return None
 
-    @property
-    def _target(self) -> Pose | None:
-        """Pose at the end in the robot's frame; None for a velocity."""
-        match self.movement:
-            case Move(distance_m, turn_rad):
-                return Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad), turn_rad)
-            case Waypoint(x_m, y_m, heading_rad):
-                return Pose(x_m, y_m, heading_rad or 0.0)
-            case Trajectory(points):
-                return Pose(*points[-1])
-            case Velocity():
-                return None
 
-    @property
-    def _reach_m(self) -> float:
-        match self.movement:
-            case Move(distance_m):
-                return abs(distance_m)
-            case Waypoint(x_m, y_m):
-                return math.hypot(x_m, y_m)
-            case Trajectory(points):
-                return max(math.hypot(*point) for point in points)
-            case Velocity(linear_m_s, _, duration_s):
-                return abs(linear_m_s) * duration_s
-
-    def remaining_m(self, before: Pose, now: Pose) -> float:
-        """Return the distance that is left to the end; infinity for a trajectory, whose way is not straight."""
-        if self._target is None:
-            return max(self._reach_m - before.distance_to(now), 0.0)
-        if isinstance(self.movement, Trajectory):
-            return math.inf
-        return before.compose(self._target).distance_to(now)
+def _reach_m(movement: Drive) -> float:
+    match movement:
+        case Move(distance_m):
+            return abs(distance_m)
+        case Waypoint(x_m, y_m):
+            return math.hypot(x_m, y_m)
+        case Trajectory(points):
+            return max(math.hypot(*point) for point in points)
+        case Velocity(linear_m_s, _, duration_s):
+            return abs(linear_m_s) * duration_s
 
 
 def distance_along(before: Pose, after: Pose) -> float:
@@ -150,13 +121,13 @@ def distance_along(before: Pose, after: Pose) -> float:
     return distance_m if after.relative_to(before).x_m >= 0 else -distance_m
 
 
-def displacement_m(before: Pose, after: Pose, movement: Drive | None) -> float:
+def displacement_m(movement: Drive, before: Pose, after: Pose) -> float:
     """Return the distance between two poses in metres, negative if the robot drove backwards.
 
-    A point behind the robot is reached forwards, after a turn. Without a movement, it was a straight one.
+    A point behind the robot is reached forwards, after a turn.
     """
     match movement:
-        case None:
+        case Move(holds_heading=True):
             return distance_along(before, after)
         case Move(distance_m):
             backwards = distance_m < 0

@@ -1,9 +1,7 @@
 """What a mover has to know of its base besides the odometry: hazards, faults, and other publishers."""
 
 from vsnbench.sensing.hazards import Hazard
-from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.odometry import OdometryFault
-from vsnbench.values.action import Action
 
 
 class MoverSenses:
@@ -33,27 +31,26 @@ class MoverSenses:
         self._active[hazard].add(sensor)
         self.hazard_reason = f"{hazard.value} ({where})"
 
-    def forbidden(self, action: Action) -> str:
-        """Return the active hazard that forbids a movement, or an empty string; backing off is allowed."""
+    def forbidden(self, *, backs_off: bool) -> str:
+        """Return the active hazard that forbids a leg, or an empty string; backing off is allowed."""
         if self._active[Hazard.WHEEL_DROP]:
             return "a wheel is dropped: put the robot down"
         for hazard in (Hazard.BUMPER, Hazard.CLIFF):
-            if self._active[hazard] and action is not Action.MOVE_BACKWARD:
+            if self._active[hazard] and not backs_off:
                 return f"the {hazard.value} sensor is active: free the robot; only Backward is allowed"
         return ""
 
-    def failure(self, movement: str, *, silent_s: float, timeout_s: float) -> Outcome | None:
-        """Return the outcome of the running movement if it has to end, or None.
+    def failure(self, silent_s: float, timeout_s: float) -> tuple[str, bool]:
+        """Return why the running movement has to end, or an empty string; and whether the sensor is lost.
 
         Args:
-            movement: name of the movement.
             silent_s: time since the last odometry.
             timeout_s: time after which odometry is lost.
         """
         if self.hazard_reason:
-            return Outcome(movement, False, self.hazard_reason)
+            return self.hazard_reason, False
         if silent_s > timeout_s:
-            return Outcome(movement, False, f"no odometry for {silent_s:.1f} s", sensor_lost=True)
+            return f"no odometry for {silent_s:.1f} s", True
         if self.odometry_fault:
-            return Outcome(movement, False, self.odometry_fault.text, sensor_lost=True)
-        return Outcome(movement, False, self.rival) if self.rival else None
+            return self.odometry_fault.text, True
+        return self.rival, False

@@ -14,11 +14,11 @@ from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, Intrinsics
-from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.odometry.odometry import OdometryFault, OdometryReading, OdometryTracker
 from vsnbench.sensing.simulation import read_account
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.battery import Battery
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import RobotProfile
@@ -61,8 +61,8 @@ class RobotSnapshot:
     """Pose of a simulated robot in its site."""
     simulation: SimulationAccount | None = None
     """Description of the simulator."""
-    outcome: Outcome | None = None
-    """Outcome of the last movement, from a discrete_move of vsnbench."""
+    outcome: MotionResult | None = None
+    """What a discrete_move of vsnbench reports of the last movement."""
     steered_s: float = -math.inf
     """Time of the last velocity of another node (monotonic clock)."""
     driven_s: float = -math.inf
@@ -247,7 +247,7 @@ class RobotReports:
             return
         self._update(lambda _: {"simulation": account})
 
-    def take_outcome(self, outcome: Outcome | None) -> None:
+    def take_outcome(self, outcome: MotionResult | None) -> None:
         """Take the outcome of a movement; None clears it."""
         self._update(lambda _: {"outcome": outcome})
 

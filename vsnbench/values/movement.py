@@ -50,6 +50,10 @@ class Move:
     """Forward; negative drives backwards."""
     turn_rad: float = 0.0
     """Counter-clockwise; from -2 pi to 2 pi."""
+    holds_heading: bool = False
+    """Whether headings are relative to the target of the last such move, not to the measured heading, so that errors of
+    turns do not add up. Only the actions of the paper do: see `ProtocolParameters.movement_of`.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +131,16 @@ def action_of(movement: Movement) -> Action:
     return Action(KIND_OF[type(movement)].name)
 
 
+def holds_heading(movement: Movement) -> bool:
+    """Return whether a movement is an action of the paper, with the sizes of a protocol."""
+    return isinstance(movement, Move) and movement.holds_heading
+
+
 def movement_text(movement: Movement) -> str:
     """Return a short description, such as `to (1.20, -0.30) m`."""
     match movement:
+        case Move(distance_m, turn_rad, True):
+            return _preset_text(distance_m, turn_rad)
         case Move(distance_m, turn_rad):
             return f"turn {math.degrees(turn_rad):.0f}°, drive {distance_m:.2f} m"
         case Waypoint(x_m, y_m, None):
@@ -146,13 +157,29 @@ def movement_text(movement: Movement) -> str:
             raise TypeError(f"not a movement: {movement!r}")
 
 
+def _preset_text(distance_m: float, turn_rad: float) -> str:
+    """Return an action of the paper in words, such as `turn left by 30°`."""
+    if turn_rad:
+        return f"turn {'left' if turn_rad > 0 else 'right'} by {abs(math.degrees(turn_rad)):g}°"
+    if distance_m:
+        return f"move {'forward' if distance_m > 0 else 'backward'} by {abs(distance_m):g} m"
+    return "stop"
+
+
+STOP: Final = Move(holds_heading=True)
+"""The movement of the action STOP."""
+_OMITTED: Final[Mapping[str, object]] = {"heading_rad": None, "holds_heading": False}
+"""Defaults that are left out of the JSON of a movement."""
+
+
 def movement_to_json(movement: Movement) -> dict[str, Any]:
     """Return a movement as JSON values with its `kind`, for the record and the wire."""
     content = asdict(movement)
     if isinstance(movement, Trajectory):
         content["points"] = [list(point) for point in movement.points]
-    if content.get("heading_rad", 0.0) is None:
-        del content["heading_rad"]
+    for name, default in _OMITTED.items():
+        if content.get(name, ...) is default:
+            del content[name]
     return {"kind": KIND_OF[type(movement)].value, **content}
 
 
@@ -166,8 +193,10 @@ def movement_from_json(content: Mapping[str, Any]) -> Movement:
         made = _CLASS_OF[content["kind"]]
         if made is Trajectory:
             return Trajectory(tuple((_finite(x), _finite(y)) for x, y in content["points"]))
+        if made is Move and content.get("holds_heading") is True:
+            return Move(_finite(content["distance_m"]), _finite(content["turn_rad"]), holds_heading=True)
         names = [item.name for item in fields(made) if content.get(item.name) is not None]
-        numbers = {name: _finite(content[name]) for name in names}
+        numbers = {name: _finite(content[name]) for name in names if name != "holds_heading"}
         return made(**numbers)  # type: ignore[arg-type]  # the names are the class's
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"not a movement: {error}") from error
@@ -202,7 +231,7 @@ def _checked_part(part: object) -> Action | Movement:
 
 
 def checked_movement(given: object) -> Movement:
-    """Return a validated copy of a movement.
+    """Return a validated copy of a movement, which does not hold headings: only the robot's own actions do.
 
     Raises:
         DecisionError: it is not a movement, or a number is not finite or beyond its limit.

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from tests.movements import movement_of
 from vsnbench.models.baselines.oracle import Oracle
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -70,7 +71,7 @@ def walked(walks: tuple[tuple[int, str], ...], settings: VLVSettings, *, noise: 
                 action = oracle.act(observation).action
                 if action is Action.STOP:
                     break
-                robot.execute(action)
+                robot.drive(movement_of(action))
             top_m = settings.obstacle_top_m or robot.profile.camera.mount_height_m
             agreements.append(agreement(grid, start.pose, site, top_m))
     return min(agreements)

@@ -22,17 +22,17 @@ if generation == "ros2":
     from vsnbench.ros.ros2.installation import require_ros2
 
     require_ros2()
-    from vsnbench.ros.ros2 import simulated_robot_node
     from vsnbench.ros.ros2.node import run_node
+    from vsnbench.ros.ros2.simulated_robot_node import Ros2SimulatedRobot as SimulatedRobot
 else:
     from vsnbench.ros.ros1.installation import require_ros1
 
     require_ros1()
-    from vsnbench.ros.ros1 import simulated_robot_node
     from vsnbench.ros.ros1.node import run_node
+    from vsnbench.ros.ros1.simulated_robot_node import Ros1SimulatedRobot as SimulatedRobot
 
 
-class FaultyRobotNode(simulated_robot_node.SimulatedRobotNode):
+class FaultyRobotNode(SimulatedRobot):
     """Simulates a robot with a faulty camera."""
 
     fault = "right"

@@ -2,6 +2,9 @@
 
 from types import SimpleNamespace
 
+import pytest
+
+from tests.movements import FORWARD
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.settings import MotionSettings
 from vsnbench.robots.profiles import load_profile
@@ -34,9 +37,9 @@ class Task(DiscreteMoveTask):
 def test_another_publisher_ends_a_movement_at_zero_velocity() -> None:
     task = Task()
     task.take_odometry((0.0, 0.0, 0.0), 0.0, "/base")
-    outcome = task.execute("Forward", 0, lambda: False)
-    assert not outcome.answer
-    assert "/joystick" in outcome.reason
+    result = task.drive(FORWARD, lambda: False)
+    assert not result.completed
+    assert "/joystick" in result.failure
     assert task.sent[-1] == STANDSTILL
 
 
@@ -45,5 +48,16 @@ def test_a_closed_task_commands_zero_velocity_and_answers_false() -> None:
     task.close()
     assert task.sent[-1] == STANDSTILL
     sent = len(task.sent)
-    assert task.execute("Forward", 0, lambda: False).answer is False
+    assert task.drive(FORWARD, lambda: False).completed is False
     assert len(task.sent) == sent
+
+
+@pytest.mark.parametrize(
+    "content", [None, {"kind": "fly"}, {"kind": "velocity", "duration_s": 1e9}, {"kind": "pixel", "u": 1, "v": 2}]
+)
+def test_a_movement_that_cannot_be_executed_is_refused_before_it_moves(content: object) -> None:
+    task = Task()
+    result = task.drive_json(content, lambda: False)
+    assert not result.completed
+    assert result.failure
+    assert task.sent == []

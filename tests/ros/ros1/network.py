@@ -49,7 +49,7 @@ class RosNetwork(ProcessGroup):
             "ROS_IP": "127.0.0.1",
             "ROS_HOME": str(self.directory),
             "ROS_LOG_DIR": str(self.directory / "log"),
-            "PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), os.environ.get("PYTHONPATH", "")]),
+            "PYTHONPATH": os.pathsep.join([str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")]),
             "PYTHONUNBUFFERED": "1",
         }
 

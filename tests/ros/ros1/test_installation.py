@@ -41,7 +41,7 @@ def test_the_rest_of_the_product_needs_no_ros() -> None:
         "vsnbench.runner.setup.launch, "
         "vsnbench.cli.running.run, vsnbench.cli.robots.robots, vsnbench.cli.robots.doctor, "
         "vsnbench.cli.robots.nodes, vsnbench.ros.ros1.service_call, "
-        "vsnbench.sensing.discrete_mover, vsnbench.simulator.dynamics.simulated_base"
+        "vsnbench.sensing.mover, vsnbench.simulator.dynamics.simulated_base"
     )
     done = without_ros(f"import {modules}\nassert 'rospy' not in sys.modules")
     assert done.returncode == 0, done.stderr

@@ -87,7 +87,7 @@ class Graph2(ProcessGroup):
             "XDG_STATE_HOME": str(self.directory / "state"),
             "PYTHONPATH": os.pathsep.join(
                 [
-                    *(str(HERE.parent.parent), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")),
+                    *(str(HERE.parents[2]), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")),
                     str(HERE / "tf_stand_in"),  # the last: a sourced distribution has the real package
                 ]
             ),

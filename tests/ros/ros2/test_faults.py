@@ -182,7 +182,7 @@ def test_a_base_stops_when_the_workstation_is_killed(rig) -> None:
 
 @pytest.mark.long
 def test_a_base_with_noise_at_rest_moves_accurately(tmp_path) -> None:
-    """tests/sensing/test_discrete_mover.py has the rules; here, messages carry the noise."""
+    """tests/sensing/test_mover.py has the rules; here, messages carry the noise."""
     with live_graph(tmp_path) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py", "--noise", "0.05", "0.002")
         client = client_of(graph)

@@ -9,7 +9,7 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.ros.ros2.docking import Dock
 from vsnbench.ros.ros2.graph import Endpoint
 from vsnbench.ros.ros2.interface import ros2_interface
-from vsnbench.ros.ros2.readiness import Readiness
+from vsnbench.ros.ros2.readiness import Ros2Readiness
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.values.robot_identity import SimulationAccount
 
@@ -27,7 +27,7 @@ class Robot:
         self.kinds: dict[str, str] = {}
         self.dock = Dock(PROFILE, NAMES)
         self.chosen = 0
-        self.readiness = Readiness(
+        self.readiness = Ros2Readiness(
             NAMES,
             self.snapshot,
             lambda: "",

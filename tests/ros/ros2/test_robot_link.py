@@ -12,10 +12,10 @@ pytestmark = pytest.mark.ros2
 
 
 def test_a_hold_overrides_the_movement_of_this_process() -> None:
-    from vsnbench.ros.ros2.robot_link import RobotLink
+    from vsnbench.ros.ros2.robot_link import Ros2Link
 
     sent: list[Command] = []
-    link = object.__new__(RobotLink)  # without a graph: the test only checks what it sends
+    link = object.__new__(Ros2Link)  # without a graph: the test only checks what it sends
     link._hold = ZeroHold(link.stand_still)
     link._reports = SimpleNamespace(take_own_command=lambda: None)
     link.velocities = SimpleNamespace(send=sent.append)

@@ -65,7 +65,7 @@ def test_a_session_names_frames_that_do_not_connect(tmp_path) -> None:
 @pytest.mark.skipif(HAS_TF, reason="needs a machine without tf2_msgs; the pip wheels have none")
 def test_doctor_reports_that_tf2_msgs_is_missing(tmp_path) -> None:
     with live_tf_robot(tmp_path) as (graph, profile, _):
-        done = doctor(graph, profile, PYTHONPATH=str(HERE.parent.parent))
+        done = doctor(graph, profile, PYTHONPATH=str(HERE.parents[2]))
         assert done.popen.returncode == 1
         assert "odometry from TF needs the Python module tf2_msgs" in done.output
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.movements import movement_of
 from tests.runner.stand_ins import StandInRobot
 from vsnbench.protocol.disturbances import KINDS, SEVERITIES, parse_disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -54,7 +55,7 @@ def walk(robot: SimulatedRobot, chosen: PolicyView) -> tuple[list[Observation], 
     for action in (Action.TURN_LEFT, Action.TURN_LEFT, Action.MOVE_FORWARD, Action.TURN_RIGHT):
         own.append(robot.observe())
         seen.append(chosen.of(own[-1]))
-        robot.execute(action)
+        robot.drive(movement_of(action))
     return own, seen
 
 

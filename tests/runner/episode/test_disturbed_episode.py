@@ -12,7 +12,7 @@ from vsnbench.models.task import Task
 from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.contract import Robot
+from vsnbench.robots.contract import Robot, Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
@@ -21,7 +21,7 @@ from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import ActionKind, Chunk, Pixel
+from vsnbench.values.movement import ActionKind, Chunk, Drive, Pixel
 from vsnbench.values.observation import Observation, Sensor
 
 PROFILE = load_profile("turtlebot2")
@@ -100,7 +100,7 @@ def test_the_policy_is_told_the_camera_that_it_sees_through() -> None:
 class Mover(StandInRobot):
     """Needs 2 s for each action."""
 
-    def execute(self, action: Action) -> MotionResult:
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
         return MotionResult(completed=True, duration_s=2.0)
 
 

@@ -16,7 +16,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
@@ -35,12 +35,12 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 
 PHASES: dict[str, tuple[type[Any], str, int, bool]] = {
-    "before it begins": (SimulatedRobot, "execute", 2, True),
+    "before it begins": (SimulatedRobot, "drive", 2, True),
     "before its first period": (Physics, "drive", 1, True),
     "after its first period": (Physics, "drive", 1, False),
     "in its middle": (Physics, "drive", 20, True),
     "after its middle": (Physics, "drive", 20, False),
-    "after its end": (SimulatedRobot, "execute", 2, False),
+    "after its end": (SimulatedRobot, "drive", 2, False),
     "while it is located": (SimulatedRobot, "locate", 3, True),
     "when it is located": (SimulatedRobot, "locate", 3, False),
 }
@@ -67,8 +67,6 @@ class Drives(Policy):
 def stop_in(monkeypatch: pytest.MonkeyPatch, phase: str, movement: Action | Waypoint, policy: Drives) -> None:
     """Send SIGINT in a phase of the second movement."""
     kind, name, call, before = PHASES[phase]
-    if name == "execute" and isinstance(movement, Waypoint):
-        name, call = "drive", 1
     original: Callable[..., Any] = getattr(kind, name)
     calls = 0
 
@@ -105,7 +103,7 @@ def plan_of(robot: Robot) -> CampaignPlan:
     return CampaignPlan(
         site=APARTMENT,
         robot=robot.identity,
-        model=ModelIdentity("drives"),
+        model=ModelCard("drives"),
         protocol=ProtocolParameters(),
         seed=0,
         trials=[Trial("chair", 2)],

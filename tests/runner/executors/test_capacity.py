@@ -6,7 +6,6 @@ from tests.runner.stand_ins import PROFILE
 from vsnbench.errors import UsageError
 from vsnbench.models.checkpoints.torch_runtime import GpuMemory
 from vsnbench.models.contract import ModelCard
-from vsnbench.results.writing.campaigns import ModelIdentity
 from vsnbench.runner.executors.capacity import (
     FEWEST_TRIALS,
     GIB,
@@ -28,7 +27,7 @@ def prepared(
 ) -> Prepared:
     card = ModelCard("big", runs_on={"device": device})
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    described = SetupDescription(robot, frozenset(), {}, card, ModelIdentity("big"), ("chair",), sessions=sessions)
+    described = SetupDescription(robot, frozenset(), {}, card, ModelCard("big"), ("chair",), sessions=sessions)
     return Prepared(described, bytes_each - RUNNING_BYTES, gpu)
 
 

@@ -12,7 +12,7 @@ from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOutcome
@@ -25,6 +25,7 @@ from vsnbench.runner.loop.run import run
 from vsnbench.runner.operator.contract import AbsentOperator, Display, EndedEpisode
 from vsnbench.runner.stopping.requests import Stopped, StopRequest, StopRequests, of_signal
 from vsnbench.sites.site import Site
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.robot_identity import RobotIdentity
 
 SEED = 700
@@ -117,7 +118,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     results.prepare()
     trials = [Trial(PLAN.goal, number) for number in range(1, 9)]
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    plan = CampaignPlan(PLAN.site, robot, ModelIdentity("scripted"), PLAN.parameters, 0, trials)
+    plan = CampaignPlan(PLAN.site, robot, ModelCard("scripted"), PLAN.parameters, 0, trials)
     with Journal.open(results.database_url) as journal:
         yield Rig(journal, journal.find_or_create_campaign(plan), results)
 

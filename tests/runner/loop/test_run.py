@@ -20,7 +20,7 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
@@ -35,6 +35,7 @@ from vsnbench.runner.stopping.requests import StopAuthor, Stopped, StopRequest, 
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.robot_identity import RobotIdentity
 
@@ -50,7 +51,7 @@ def campaign_of(journal: Journal, *, simulated: bool = False, starts: int = 1):
     plan = CampaignPlan(
         site=PLAN.site,
         robot=RobotIdentity(PROFILE, "simulated" if simulated else "ros1", simulated),
-        model=ModelIdentity("scripted"),
+        model=ModelCard("scripted"),
         protocol=PLAN.parameters,
         seed=0,
         trials=[Trial(PLAN.goal, number) for number in range(1, starts + 1)],

@@ -11,7 +11,7 @@ import pytest
 from websockets.sync.client import connect
 
 from tests.web.page_session import PageSession, ended_episode
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import Choice, QuestionKind
@@ -78,7 +78,7 @@ def test_no_page_is_missed_when_no_trial_is_left() -> None:
 def test_an_invalid_distance_is_refused(session: PageSession, distance: str) -> None:
     answer = session.browser("Anna").post("/amend", episode=1, seen=1, touched="no", distance=distance)
     assert (answer.status, answer.json["needs_confirmation"]) == (422, False)
-    assert episode_details(session.journal.engine, 1).current_verdict is None
+    assert episode_record(session.journal.engine, 1).current_verdict is None
 
 
 def test_a_distance_far_from_the_estimate_needs_confirmation(session: PageSession) -> None:
@@ -95,13 +95,13 @@ def test_a_judgement_can_be_undone_then_corrected_with_a_reason(session: PageSes
     assert (episode["outcome"], episode["author"], episode["seen"]) == ("success", "Anna", 2)
     assert episode["undo_s"] > 0
     assert anna.post("/undo", episode=1, seen=2).status == 200
-    details = episode_details(session.journal.engine, 1)
-    assert (details.summary.outcome, details.summary.success, details.current_verdict) == ("unjudged", None, None)
+    details = episode_record(session.journal.engine, 1)
+    assert (details.outcome, details.success, details.current_verdict) == ("unjudged", None, None)
     assert [event.author for event in details.events if event.kind == "taken_back"] == ["Anna"]
     assert anna.post("/amend", episode=1, seen=2, touched="the bin").status == 200
     assert anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5").status == 409
     assert anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5", note="it was a shadow").status == 200
-    assert episode_details(session.journal.engine, 1).summary.outcome == "success"
+    assert episode_record(session.journal.engine, 1).outcome == "success"
 
 
 def test_a_measured_distance_does_not_replace_the_estimate(session: PageSession) -> None:
@@ -123,7 +123,7 @@ def test_a_judgement_after_another_operators_is_refused(session: PageSession) ->
     answer = ben.post("/amend", episode=1, seen=1, touched="the bin")
     assert (answer.status, answer.json["code"]) == (409, "judged-meanwhile")
     assert "Anna" in answer.json["message"]
-    assert len(episode_details(session.journal.engine, 1).verdicts) == 2
+    assert len(episode_record(session.journal.engine, 1).verdicts) == 2
 
 
 def test_the_page_confirms_a_judgement_after_it_is_recorded(session: PageSession) -> None:
@@ -170,7 +170,7 @@ def test_the_trial_of_a_retracted_void_does_not_run_again(session: PageSession) 
     assert (list(state.to_repeat), state.done) == ([1], done - 1)
     assert anna.post("/undo", episode=1, seen=2).status == 200
     assert (list(state.to_repeat), state.done) == ([], done)
-    assert episode_details(session.journal.engine, 1).summary.outcome == "unjudged"
+    assert episode_record(session.journal.engine, 1).outcome == "unjudged"
 
 
 def test_a_void_can_be_retracted_until_the_trial_drives_again(session: PageSession) -> None:

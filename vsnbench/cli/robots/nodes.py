@@ -156,13 +156,13 @@ def _simulate_ros1(
 
     require_ros1()
     from vsnbench.ros.ros1.node import run_node
-    from vsnbench.ros.ros1.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.ros.ros1.simulated_robot_node import NODE, Ros1SimulatedRobot
     from vsnbench.sensing.simulation import PLACE
 
     run_node(
         NODE,
         ros_arguments,
-        lambda master: SimulatedRobotNode(site, profile, options, master),
+        lambda master: Ros1SimulatedRobot(site, profile, options, master),
         f"simulating {profile.title} in {site.name}",
         serves=[PLACE],
         simulated_time=options.rate_factor != 1,
@@ -176,12 +176,12 @@ def _simulate_ros2(profile: "RobotProfile", site: "Site", options: "SimulationOp
     names = ros2_interface(profile)
     require_ros2()
     from vsnbench.ros.ros2.node import run_node
-    from vsnbench.ros.ros2.simulated_robot_node import NODE, SimulatedRobotNode
+    from vsnbench.ros.ros2.simulated_robot_node import NODE, Ros2SimulatedRobot
 
     run_node(
         NODE,
         names.root,
-        lambda node: SimulatedRobotNode(node, site, profile, options),
+        lambda node: Ros2SimulatedRobot(node, site, profile, options),
         f"simulating {profile.title} in {site.name}",
     )
 
@@ -192,10 +192,10 @@ def _serve_ros1(profile: "RobotProfile", config: Path | None, ros_arguments: lis
 
     service = ros1_interface(profile).discrete_move
     require_ros1()
-    from vsnbench.ros.ros1.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros.ros1.discrete_move_node import NODE, Ros1DiscreteMove
     from vsnbench.ros.ros1.node import run_node
 
-    run_node(NODE, ros_arguments, lambda _: DiscreteMoveNode(profile, config), f"serving {service}", serves=[service])
+    run_node(NODE, ros_arguments, lambda _: Ros1DiscreteMove(profile, config), f"serving {service}", serves=[service])
 
 
 def _serve_ros2(profile: "RobotProfile", config: Path | None) -> None:
@@ -204,13 +204,13 @@ def _serve_ros2(profile: "RobotProfile", config: Path | None) -> None:
 
     names = ros2_interface(profile)
     require_ros2()
-    from vsnbench.ros.ros2.discrete_move_node import NODE, DiscreteMoveNode
+    from vsnbench.ros.ros2.discrete_move_node import NODE, Ros2DiscreteMove
     from vsnbench.ros.ros2.node import run_node
 
     run_node(
         NODE,
         names.root,
-        lambda node: DiscreteMoveNode(node, profile, config),
+        lambda node: Ros2DiscreteMove(node, profile, config),
         f"executing movements for {names.discrete_move}",
         by_network_alone=True,
     )

@@ -13,7 +13,7 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.stress import StressedCampaigns, StressedModel, stressed_model
-from vsnbench.report.tables.report_table import print_tables
+from vsnbench.report.table import print_tables
 from vsnbench.report.tables.stress import stress_fields, stress_table
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest

@@ -251,7 +251,7 @@ def report(
 
 def _print_findings(found: "StudyFindings") -> None:
     from vsnbench.report.study.tables import study_tables
-    from vsnbench.report.tables.report_table import print_tables
+    from vsnbench.report.table import print_tables
 
     console = page()
     console.print(f"[bold]{safe(found.recorded.title)}[/bold]")

@@ -18,10 +18,10 @@ from vsnbench.errors import UsageError
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
-    from vsnbench.config import Config
     from vsnbench.models.fit.camera import Fit
     from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
+    from vsnbench.settings.user_config import UserConfig
     from vsnbench.web.operator.page import OperatorPage
 
 
@@ -180,20 +180,11 @@ def what_to_keep(given: str, robot: str, *, live: bool = False, has_operator: bo
     return KeepFiles(given)
 
 
-def fit_of(config: "Config") -> "Fit":
-    """Return how images are fitted to the camera that a model was trained with.
-
-    Raises:
-        UsageError: the value in the configuration is unknown.
-    """
+def fit_of(config: "UserConfig") -> "Fit":
+    """Return how images are fitted to the camera that a model was trained with."""
     from vsnbench.models.fit.camera import Fit
 
-    given = config.models.fit
-    if given not in list(Fit):
-        raise UsageError(
-            f"{config.file}: models.fit is {given!r}", advice=f"write {' or '.join(Fit)}", code="unknown-value"
-        )
-    return Fit(given)
+    return Fit(config.models.fit)
 
 
 def requested_workers(given: str) -> "WorkerOptions":

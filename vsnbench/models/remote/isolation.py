@@ -28,7 +28,7 @@ from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
-from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
+from vsnbench.models.remote.connection import Connection, ModelBusyError, ServerAnswer
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
 from vsnbench.runtime.hide_files import can_hide_files, command_without
@@ -290,7 +290,7 @@ class IsolatedPolicy(RemotePolicy):
         except (ModelError, UsageError) as error:
             raise ModelLostError(error.statement, advice=error.advice, code=error.code) from error
 
-    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> ServerAnswer:
         try:
             return super()._ask(connection, request, expected, timeout_s)
         except ModelLostError as error:

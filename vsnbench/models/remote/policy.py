@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.card import card_of
+from vsnbench.models.remote.connection import Address, Connection, ModelBusyError, ServerAnswer
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
@@ -95,8 +95,6 @@ class RemotePolicy(Policy):
         except ModelError:
             self.close()
             raise
-        self.deterministic = self._connection.greeting.get("card", {}).get("deterministic", True) is not False
-        """Whether the same seed and observations give the same actions, according to the card."""
 
     def limit_actions(self, act_timeout_s: float) -> None:
         """Replace the settings' time limit for an action, in seconds."""
@@ -202,7 +200,7 @@ class RemotePolicy(Policy):
         return self._connection
 
     def _check_same_model(self, card: ModelCard) -> None:
-        if different := difference(self.card, card):
+        if different := self.card.difference(card):
             raise ModelLostError(
                 f"the model at {self._address} has changed ({different}), which this campaign does not allow",
                 advice="start the same command again to run the new model",
@@ -212,7 +210,7 @@ class RemotePolicy(Policy):
             platform = ", ".join(f"{name} {value}" for name, value in card.runs_on.items())
             logger.warning("the model at %s now runs on another platform: %s", self._address, platform)
 
-    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> ServerAnswer:
         try:
             answer = connection.ask(request, timeout_s)
         except BaseException:
@@ -249,7 +247,7 @@ class RemotePolicy(Policy):
             raise ModelError(f"the model at {self._address}: {error}", code="invalid-card") from error
 
 
-def _decision(answer: Answer, act_timeout_s: float) -> Decision:
+def _decision(answer: ServerAnswer, act_timeout_s: float) -> Decision:
     """Return the decision of an answer, with the duration and size of the transfer among its details."""
     message = answer.message
     decision = decision_from_message(message)

@@ -24,6 +24,7 @@ from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.movement import Move
 from vsnbench.values.robot_profile import RobotProfile
 
 LISTEN_S = 2.0
@@ -82,7 +83,7 @@ class TurnTest(SteeredBase):
     """Turns the robot on the spot."""
 
     @abstractmethod
-    def turn(self, movement: str, angle_deg: int) -> Turn:
+    def turn(self, movement: Move) -> Turn:
         """Turn the robot.
 
         Raises:
@@ -315,20 +316,20 @@ def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, st
 
 def _turn_results(test: TurnTest, profile: RobotProfile, image_turns: int) -> Iterator[CheckResult]:
     before = test.newest_images()
-    for movement, sign in (("Left", 1), ("Right", -1)):
-        what = f"{movement} {_TURN_DEG}°"
+    for side, sign in (("Left", 1), ("Right", -1)):
+        what, turn_rad = f"{side} {_TURN_DEG}°", sign * math.radians(_TURN_DEG)
         try:
-            turn = test.turn(movement, _TURN_DEG)
+            turn = test.turn(Move(turn_rad=turn_rad, holds_heading=True))
         except RobotError as error:
             yield CheckResult(what, Health.FAILED, error.statement, error.advice or _DEFAULT_ADVICE)
             return
         if turn.turned_rad is None:
             yield CheckResult(what, Health.FAILED, "no odometry", "start the driver of the base")
             return
-        result = turn_result(what, sign * math.radians(_TURN_DEG), turn.turned_rad, answered=turn.answered)
+        result = turn_result(what, turn_rad, turn.turned_rad, answered=turn.answered)
         yield replace(result, advice=turn.reason) if turn.reason and not turn.answered else result
         if result.health is Health.FAILED:
             return
-        if movement == "Left":
+        if sign > 0:
             yield from turned_results(profile, before, test.newest_images(), image_turns)
     yield from test.further_results()

@@ -19,7 +19,6 @@ from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.sensing.odometry.odometry import OdometryReading, OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages
-from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile, Tolerances
 
@@ -101,9 +100,9 @@ def odometry_results(profile: RobotProfile, readings: Iterable[PlanarReading]) -
         return
     noise, settings = noise_of([reading.pose for reading in accepted]), MotionSettings.for_robot(profile)
     faults = [
-        noise_words(noise.along(turns=action.turns), settings.tolerance(action), turns=action.turns)
-        for action in (Action.MOVE_FORWARD, Action.TURN_LEFT)
-        if _is_too_noisy(noise, settings.tolerance(action), profile, turns=action.turns)
+        noise_words(noise.along(turns=turns), settings.tolerance(turns=turns), turns=turns)
+        for turns in (False, True)
+        if _is_too_noisy(noise, settings.tolerance(turns=turns), profile, turns=turns)
     ]
     if faults:
         yield CheckResult("odometry", Health.FAILED, "; ".join(faults), tolerance_advice(profile, noise))

@@ -13,7 +13,6 @@ from vsnbench.control.standstill import BOUND_ERRORS
 from vsnbench.robots.checkup.odometry import smallest_allowed, tolerances_line
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryReading
-from vsnbench.values.action import Action
 from vsnbench.values.robot_profile import RobotProfile
 
 _LEAST_RAD = math.radians(8)
@@ -123,7 +122,7 @@ def _slowest_result(settings: MotionSettings, slowest_rad_s: float | None, stair
         advice = "check that it is off its dock, and its motors are on; a deadband in its driver must be lower"
         return CheckResult("slowest turn", Health.FAILED, seen, advice)
     # A correction lasts at least one control period, and can leave half of what the base turns in it.
-    left_rad, tolerance_rad = 0.5 * slowest_rad_s * settings.control_period_s, settings.tolerance(Action.TURN_LEFT)
+    left_rad, tolerance_rad = 0.5 * slowest_rad_s * settings.control_period_s, settings.tolerance(turns=True)
     seen = f"the base follows {slowest_rad_s:g} rad/s"
     if left_rad <= tolerance_rad:
         return CheckResult("slowest turn", Health.OK, seen)

@@ -27,13 +27,13 @@ from vsnbench.ros.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interf
 from vsnbench.ros.ros1.master import Master, MasterError, SystemState
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.topic_monitor import TopicMessages
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Move
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
     from vsnbench.ros.ros1.service_call import ServiceClient
-    from vsnbench.ros.ros1.topic_listener import TopicListener
+    from vsnbench.ros.ros1.subscriptions import Ros1Listener
 
 _IMAGES_S = 0.5
 """Time for images before and after a turn."""
@@ -49,7 +49,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
     """Checks every part of a robot over ROS 1."""
 
     names: Ros1Interface
-    listener: TopicListener
+    listener: Ros1Listener
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
@@ -80,10 +80,10 @@ class Ros1Checkup(RosCheckup, TurnTest):
 
     def _receive(self) -> None:
         from vsnbench.ros.ros1.hazard_events import KobukiStates, subscribe_hazards
-        from vsnbench.ros.ros1.topic_listener import TopicListener
+        from vsnbench.ros.ros1.subscriptions import Ros1Listener
 
         names = self.names
-        self.listener = TopicListener(DOCTOR, self.raw_topics)
+        self.listener = Ros1Listener(DOCTOR, self.raw_topics)
         self.closing.callback(self.listener.close)
         self._ask_master()
         # rospy prints a traceback for a subscription to a topic of another type.
@@ -174,7 +174,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return f"check that {', '.join(self._publishers(topic))} is alive and can resolve the name of this machine"
 
     def _read(self, kind: str, data: bytes) -> Any:
-        from vsnbench.ros.ros1.topic_listener import message_of
+        from vsnbench.ros.ros1.subscriptions import message_of
 
         return message_of(kind, data)
 
@@ -193,17 +193,20 @@ class Ros1Checkup(RosCheckup, TurnTest):
                 remote.add(node)
         return frozenset(remote)
 
-    def turn(self, movement: str, angle_deg: int) -> Turn:
+    def turn(self, movement: Move) -> Turn:
         """Turn the robot by the server of discrete_move.
 
         Raises:
             RobotError: the server does not answer.
         """
         from vsnbench.ros.ros1.messages import DiscreteServerRequest
+        from vsnbench.ros.ros1.service_words import words_of
 
-        timeout_s = 2 * ideal_duration_s(Action.TURN_LEFT, MotionSettings.for_robot(self.profile)) + 12.0
+        settings, words = MotionSettings.for_robot(self.profile), words_of(movement)
+        assert words is not None  # noqa: S101  # a turn of whole degrees
+        timeout_s = 2 * ideal_duration_s(settings.turn_rad, settings, turns=True) + 12.0
         before = self._heading_rad()
-        answered = bool(self._client().call(DiscreteServerRequest(movement, angle_deg), timeout_s).response)
+        answered = bool(self._client().call(DiscreteServerRequest(*words), timeout_s).response)
         after = self._heading_rad()
         if before is None or after is None:
             return Turn(answered, None)

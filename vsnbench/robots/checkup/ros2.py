@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
-from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -35,10 +34,11 @@ from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
+from vsnbench.values.movement import Move
 from vsnbench.values.robot_profile import RobotProfile
 
 if TYPE_CHECKING:
-    from vsnbench.ros.ros2.topic_listener import TopicListener
+    from vsnbench.ros.ros2.subscriptions import Ros2Listener
 
 _IMAGES_S = 2.0
 """Time for images before and after a turn."""
@@ -48,7 +48,7 @@ class Ros2Checkup(RosCheckup):
     """Checks every part of a robot over ROS 2."""
 
     names: Ros2Interface
-    listener: TopicListener
+    listener: Ros2Listener
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
@@ -64,10 +64,10 @@ class Ros2Checkup(RosCheckup):
             return False
         distribution = os.environ.get("ROS_DISTRO", "")
         yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
-        from vsnbench.ros.ros2.topic_listener import TopicListener
+        from vsnbench.ros.ros2.subscriptions import Ros2Listener
 
         try:
-            self.listener = TopicListener(DOCTOR, self.names.root, self.raw_topics)
+            self.listener = Ros2Listener(DOCTOR, self.names.root, self.raw_topics)
             self.closing.callback(self.listener.close)
         except RobotError as error:
             yield CheckResult("node", Health.FAILED, error.statement, error.advice)
@@ -147,7 +147,7 @@ class Ros2Checkup(RosCheckup):
     @contextmanager
     def _turn_test(self) -> Iterator[TurnTest]:
         self.listener.close()
-        link = connect(self.profile, ProtocolParameters())
+        link = connect(self.profile)
         try:
             wait_until_ready(link, Patience(10.0))
             yield _TurnTest(link, self.profile)
@@ -190,7 +190,7 @@ class Ros2Checkup(RosCheckup):
         return f"check that {node} is alive; a slow network loses large images (docs/robot.md)"
 
     def _read(self, kind: str, data: bytes) -> Any:
-        from vsnbench.ros.ros2.topic_listener import message_of
+        from vsnbench.ros.ros2.subscriptions import message_of
 
         return message_of(kind, data)
 
@@ -227,7 +227,7 @@ class _TurnTest(TurnTest):
         """Return the active hazard sensors, or an empty string."""
         return ", ".join(sorted({hazard.value for hazard, _ in self._link.snapshot().active_hazards}))
 
-    def turn(self, movement: str, angle_deg: int) -> Turn:
+    def turn(self, movement: Move) -> Turn:
         """Turn the robot.
 
         Raises:
@@ -235,10 +235,10 @@ class _TurnTest(TurnTest):
         """
         link = self._link
         before = link.snapshot().latest
-        answered = link.move(movement, angle_deg, 15.0)
+        answered = link.drive(movement, 15.0)
         link.wait_for(lambda now: now.at_rest(0.3, 0.001, math.radians(0.05)), 2.0)
         now = link.snapshot()
-        reason = now.outcome.reason if now.outcome is not None else ""
+        reason = now.outcome.failure if now.outcome is not None else ""
         if before is None or now.latest is None:
             return Turn(answered, None, reason)
         return Turn(answered, now.latest.pose.heading_rad - before.pose.heading_rad, reason)

@@ -2,26 +2,33 @@
 
 import logging
 import time
-from collections.abc import Callable
+from dataclasses import replace
 
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import NoAnswerError, RobotError, SensorLostError
-from vsnbench.robots.ros.movement_watch import ODOMETRY_TIMEOUT_S, MovementWatch, no_odometry
 from vsnbench.robots.ros.path_looks import PathLooks
 from vsnbench.robots.ros.start import present
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import MotionEnd
-from vsnbench.sensing.movement_check import MovementAlarmError, RequestedDrive, RequestedMovement, displacement_m
-from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.movement_check import (
+    MovementAlarmError,
+    contradiction,
+    displacement_m,
+    goes_forward,
+    overshoot,
+    remaining_m,
+)
 from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.sensing.steering import rival_text
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
 
+_ODOMETRY_TIMEOUT_S = 0.8
 _COMMAND_TIMEOUT_S = 0.6
 _HANGING_S = 3.0
 """A discrete_move that does not steer for this long during a movement hangs."""
@@ -44,19 +51,21 @@ class MovementRunner:
         """Odometry at the start of the episode."""
         self.end = MotionEnd(0.0, 0.0)
         """End of the last movement."""
-        self.last_outcome: Outcome | None = None
-        """Outcome of the last movement; None for a server that does not report it."""
-        self._moving = False
-        self._requested_s = 0.0
-        self._checked_s = 0.0
-        self._listening_since_s = 0.0
-        self._still = Stillness()
-        self._began_s = 0.0
-        self._movement: Drive | None = None
-        self._path_m = 0.0
-        self._last_pose = Pose(0.0, 0.0)
         self.before: Pose | None = None
         """Odometry at the begin of the movement after the last observation; None before it begins."""
+        self.outcome: MotionResult | None = None
+        """What discrete_move reported of the last movement; None for a server that does not report it."""
+        self._movement: Drive = STOP
+        self._moving = False
+        self._requested_s = 0.0
+        """Time of the last request, and of the last check (monotonic clock)."""
+        self._checked_s = 0.0
+        self._listening_since_s = 0.0
+        """End of this process's last pause (monotonic clock); silence of the odometry counts from then."""
+        self._still = Stillness()
+        self._began_s = 0.0
+        self._path_m = 0.0
+        self._last_pose = Pose(0.0, 0.0)
 
     def begin(self, now: RobotSnapshot) -> None:
         """Start an episode with the odometry of a snapshot as its origin."""
@@ -65,20 +74,12 @@ class MovementRunner:
         self._still = Stillness.of([reading.pose for reading in now.readings])
         self.end = present(now)
 
-    def run(
-        self,
-        requested: RequestedMovement | RequestedDrive,
-        name: str,
-        call: Callable[[Callable[[], None]], bool],
-        looks: PathLooks | None = None,
-    ) -> MotionResult:
-        """Run one movement to its end and return the measured motion.
+    def run(self, movement: Drive, timeout_s: float, looks: PathLooks | None = None) -> MotionResult:
+        """Have one movement executed to its end and return the measured motion.
 
         Args:
-            requested: the movement, for the comparison with the odometry.
-            name: of the movement.
-            call: has the movement executed and returns the answer; it calls its argument periodically, which ends the
-                movement by an exception.
+            movement: the movement.
+            timeout_s: time in which the answer has to arrive.
             looks: checks the way ahead while the robot drives.
         """
         before = self.relative(self.fresh())
@@ -86,14 +87,17 @@ class MovementRunner:
         self._checked_s = self._listening_since_s = self._requested_s
         failure, blocked, sensor_lost, answered = "", "", False, False
         self._moving, self._path_m, self.before, self._last_pose = True, 0.0, before, before
-        self._movement = requested.movement if isinstance(requested, RequestedDrive) else None
+        self._movement = movement
         self._link.release()
-        watch = MovementWatch(self._link.names, requested, self.origin, before, self._requested_s)
+
+        def check() -> None:
+            self._check(before, looks)
+
         try:
-            self._check(watch, looks)
-            if looks is not None and isinstance(requested, RequestedDrive) and requested.goes_forward:
+            check()
+            if looks is not None and goes_forward(movement):
                 looks.require_sight(self._link)
-            answered = call(lambda: self._check(watch, looks))
+            answered = self._link.drive(movement, timeout_s, None if movement == STOP else check)
             # The outcome is on another topic than the answer.
             self._link.wait_for(lambda now: now.outcome is not None, 0.1 if self._link.reports_outcomes else 0.0)
         except MovementAlarmError as alarm:
@@ -101,12 +105,12 @@ class MovementRunner:
             sensor_lost = alarm.sensor_lost
         except NoAnswerError as error:
             failure = str(error)
-        outcome = self.last_outcome = self._link.snapshot().outcome
+        outcome = self.outcome = self._link.snapshot().outcome
         if failure or blocked or self._link.snapshot().rival_s > self._requested_s:
             self._force_standstill()
         self._moving = False
         if not failure and not blocked and not answered:
-            failure = outcome.reason if outcome and outcome.reason else "discrete_move answered False"
+            failure = outcome.failure if outcome and outcome.failure else "discrete_move answered False"
             sensor_lost = outcome is not None and outcome.sensor_lost
         after = before
         try:
@@ -116,20 +120,19 @@ class MovementRunner:
         if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry_topic, time.monotonic())):
             failure = f"{rivals} ({failure})"
         collision = self._collision()
-        if not failure and not blocked and (contradiction := requested.contradiction(before, after)):
-            failure = f"discrete_move answered True to {name}, but {contradiction}"
-        return MotionResult(
-            completed=not failure and not blocked and collision is None,
-            displacement_m=displacement_m(before, after, self._movement),
-            turn_rad=after.heading_rad - before.heading_rad,
-            duration_s=self._link.now_s - self._began_s,
-            collision=collision,
-            failure=failure,
-            corrections=outcome.corrections if outcome else 0,
-            pose=after,
-            path_m=self._driven_m(after),
-            blocked="" if failure else blocked,
-            sensor_lost=sensor_lost,
+        if not failure and not blocked and (contradicted := contradiction(movement, before, after)):
+            failure = f"discrete_move answered True to {movement_text(movement)}, but {contradicted}"
+        return self._measured(
+            before,
+            after,
+            MotionResult(
+                completed=not failure and not blocked and collision is None,
+                collision=collision,
+                failure=failure,
+                corrections=outcome.corrections if outcome else 0,
+                blocked="" if failure else blocked,
+                sensor_lost=sensor_lost,
+            ),
         )
 
     def interrupted(self) -> MotionResult:
@@ -140,19 +143,19 @@ class MovementRunner:
         """
         if self.before is None:
             return NOT_BEGUN
-        after = self.relative(self.fresh())
-        return MotionResult(
-            completed=False,
-            displacement_m=displacement_m(self.before, after, self._movement),
-            turn_rad=after.heading_rad - self.before.heading_rad,
+        return self._measured(self.before, self.relative(self.fresh()), MotionResult(completed=False))
+
+    def _measured(self, before: Pose, after: Pose, result: MotionResult) -> MotionResult:
+        """Return a result with the motion between two poses of the odometry."""
+        driven_m = self._path_m + self._last_pose.distance_to(after)
+        return replace(
+            result,
+            displacement_m=displacement_m(self._movement, before, after),
+            turn_rad=after.heading_rad - before.heading_rad,
             duration_s=self._link.now_s - self._began_s,
             pose=after,
-            path_m=self._driven_m(after),
+            path_m=None if holds_heading(self._movement) else driven_m,
         )
-
-    def _driven_m(self, after: Pose) -> float | None:
-        """Return the length of a movement with parameters; None for a discrete one."""
-        return self._path_m + self._last_pose.distance_to(after) if self._movement is not None else None
 
     def halt(self) -> None:
         """Command zero velocity, and hold it while a movement may be running."""
@@ -175,28 +178,34 @@ class MovementRunner:
             SensorLostError: the odometry is old.
         """
         now = self._link.snapshot()
-        if (silent_s := now.odometry_age_s(time.monotonic())) > ODOMETRY_TIMEOUT_S:
+        if (silent_s := now.odometry_age_s(time.monotonic())) > _ODOMETRY_TIMEOUT_S:
             if now.odometry_fault:
                 raise SensorLostError(now.odometry_fault.text)
-            raise no_odometry(self._link.names.odometry_topic, silent_s)
+            raise _no_odometry(self._link.names.odometry_topic, silent_s)
         return now
 
     def relative(self, now: RobotSnapshot) -> Pose:
         """Return the newest odometry relative to the start of the episode."""
         return now.latest.pose.relative_to(self.origin) if now.latest else Pose(0.0, 0.0)
 
-    def _check(self, watch: MovementWatch, looks: PathLooks | None) -> None:
-        """Raise MovementAlarmError if the movement has to end."""
+    def _check(self, before: Pose, looks: PathLooks | None) -> None:
+        """Check the newest reports during a movement from `before` on.
+
+        Raises:
+            MovementAlarmError: the movement has to end at once.
+        """
         link, now, now_s = self._link, self._link.snapshot(), time.monotonic()
         if now_s - self._checked_s > _LONGEST_PAUSE_S:
             self._listening_since_s = now_s
         self._checked_s = now_s
-        watch.check(now, self._listening_since_s)
+        self._require_no_alarm(now)
         pose = self.relative(now)
+        if overshot := overshoot(self._movement, before, pose):
+            raise MovementAlarmError(f"{link.names.discrete_move} was stopped: {overshot}")
         self._path_m += self._last_pose.distance_to(pose)
         self._last_pose = pose
-        if looks is not None and isinstance(watch.requested, RequestedDrive):
-            looks.look(now, watch.requested.remaining_m(watch.before, pose))
+        if looks is not None:
+            looks.look(now, remaining_m(self._movement, before, pose))
         unsteered_s = time.monotonic() - max(now.steered_s, self._requested_s)
         if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nothing steers: stop the base, whatever its last command was.
@@ -205,6 +214,25 @@ class MovementRunner:
             raise MovementAlarmError(
                 f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server"
             )
+
+    def _require_no_alarm(self, now: RobotSnapshot) -> None:
+        """Make sure that the base reports no hazard, and that its odometry is sound and this process alone steers it.
+
+        Raises:
+            MovementAlarmError: it does.
+        """
+        names = self._link.names
+        for hazard, where in now.hazard_events:
+            raise MovementAlarmError(f"{hazard.value} ({where})")
+        if now.contact:
+            raise MovementAlarmError(f"touched {now.contact}")
+        if now.rival_s > self._requested_s:
+            raise MovementAlarmError(rival_text(now.rival, names.command))
+        if now.odometry_fault:
+            raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)
+        now_s = time.monotonic()
+        if (silent_s := min(now.odometry_age_s(now_s), now_s - self._listening_since_s)) > _ODOMETRY_TIMEOUT_S:
+            raise MovementAlarmError(str(_no_odometry(names.odometry_topic, silent_s)), sensor_lost=True)
 
     def _collision(self) -> Collision | None:
         now = self._link.snapshot()
@@ -220,7 +248,7 @@ class MovementRunner:
         """
         self._link.hold_still()
         try:
-            self._link.move("Stop", 0, 0.5)
+            self._link.drive(STOP, 0.5)
         except RobotError as error:
             logger.warning("discrete_move does not stop: %s", error)
         if not self._link.wait_for(self._undriven_at_rest, _STANDSTILL_TIMEOUT_S):
@@ -240,3 +268,10 @@ class MovementRunner:
 
     def _at_rest(self, now: RobotSnapshot) -> bool:
         return now.at_rest(self._settings.settle_s, self._still.position_m, self._still.heading_rad)
+
+
+def _no_odometry(topic: str, silent_s: float) -> SensorLostError:
+    """Return the error of silent odometry."""
+    return SensorLostError(
+        f"no odometry on {topic} for {silent_s:.1f} s", advice="check the driver of the base", code="no-odometry"
+    )

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ImageError
-from vsnbench.robots.contract import DrivingView, PathCheck
+from vsnbench.robots.contract import DrivingView, Watch
 from vsnbench.robots.ros.camera import RosCamera
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped
@@ -33,7 +33,7 @@ _SIGHT_TIMEOUT_S = 1.0
 class PathLooks:
     """Passes each new depth image of one movement to a check."""
 
-    def __init__(self, camera: RosCamera, check: PathCheck) -> None:
+    def __init__(self, camera: RosCamera, check: Watch) -> None:
         self._camera = camera
         self._check = check
         self._last_arrival_s = -math.inf

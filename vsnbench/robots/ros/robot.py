@@ -6,18 +6,17 @@ odometry, because upstream's server always answers True.
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.legs import longest_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.robots.contract import PathCheck, Robot
+from vsnbench.robots.contract import Robot, Watch
 from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, RosCamera
 from vsnbench.robots.ros.conditions import await_account, conditions_of, require_same_conditions
 from vsnbench.robots.ros.link import connect
@@ -32,14 +31,11 @@ from vsnbench.robots.ros.start import (
     wait_until_ready,
 )
 from vsnbench.robots.ros.watchdog import require_watchdog
-from vsnbench.sensing.movement_check import RequestedDrive, RequestedMovement
-from vsnbench.sensing.movements import MOVEMENTS
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive, movement_to_json
+from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -49,7 +45,6 @@ logger = logging.getLogger(__name__)
 
 PATIENCE_S = 30.0
 """Time in which the parts of a robot have to answer before an episode."""
-_MOVEMENT_OF = {action: movement for movement, action in MOVEMENTS.items()}
 
 
 class RosRobot(Robot):
@@ -64,17 +59,17 @@ class RosRobot(Robot):
         patience_s: float = PATIENCE_S,
     ) -> None:
         self.profile = profile
-        self._parameters = parameters if parameters is not None else ProtocolParameters()
-        if (turn_deg := self._parameters.turn_deg) != round(turn_deg):
+        parameters = parameters if parameters is not None else ProtocolParameters()
+        if (turn_deg := parameters.turn_deg) != round(turn_deg):
             raise RobotError(
                 f"discrete_move cannot turn by {turn_deg:g}°",
                 advice="set turn_deg to whole degrees",
                 code="fractional-turn",
             )
-        self._settings = MotionSettings.for_robot(profile, self._parameters)
+        self._settings = MotionSettings.for_robot(profile, parameters)
         self._patience_s = patience_s
         self._start: Pose | None = None
-        self._link = connect(profile, self._parameters)
+        self._link = connect(profile)
         self.movements = MovementRunner(self._link, self._settings)
         self._simulation: SimulationAccount | None = None
         try:
@@ -163,28 +158,14 @@ class RosRobot(Robot):
         movements.before = None
         return self._camera.capture(movements.end, lambda: movements.relative(movements.fresh()))
 
-    def execute(self, action: Action) -> MotionResult:
-        """Execute one action by discrete_move, and measure it by the odometry."""
-        self._require_begun()
-        angle_deg = round(self._parameters.turn_deg) if action.turns else 0
-        limit_s = ideal_duration_s(action, self._settings) + self._settings.timeout_s + 2.0
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
+        """Execute a movement by discrete_move, or by this process, and measure it by the odometry.
 
-        def call(watch: Callable[[], None]) -> bool:
-            return self._link.move(_MOVEMENT_OF[action], angle_deg, limit_s, watch if action.moves else None)
-
-        return self.movements.run(RequestedMovement.of(action, self._settings), _MOVEMENT_OF[action], call)
-
-    def drive(self, movement: Drive, check: PathCheck) -> MotionResult:
-        """Execute a movement with parameters by vsnbench's own node, or by this process; measure it by the odometry.
-
-        The depth images that arrive meanwhile are checked, and a blocked way ends the movement.
+        With a watch, the depth images that arrive meanwhile are checked, and a blocked way ends the movement.
         """
         self._require_begun()
-        limit_s = longest_duration_s(movement, self._settings) + 2.0
-        name = movement_to_json(movement)["kind"]
-        looks = PathLooks(self._camera, check) if self._link.names.depth else None
-        requested = RequestedDrive(movement, self._settings)
-        return self.movements.run(requested, name, lambda watch: self._link.drive(movement, limit_s, watch), looks)
+        looks = PathLooks(self._camera, watch) if watch is not None and self._link.names.depth else None
+        return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 
     def interrupted_motion(self) -> MotionResult | None:
         """Return the odometry's motion since the movement after the last observation began."""

@@ -4,6 +4,7 @@ import logging
 import threading
 from abc import abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from vsnbench.control.command import STANDSTILL, Command
@@ -12,11 +13,19 @@ from vsnbench.errors import DecisionError
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.ros.common.messages import moves
 from vsnbench.ros.common.node import NodeTask
-from vsnbench.sensing.discrete_mover import DiscreteMover
-from vsnbench.sensing.movements import Outcome
+from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.sensing.steering import rival_text
-from vsnbench.values.movement import Pixel, checked_movement, movement_from_json
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import (
+    Drive,
+    Move,
+    Pixel,
+    checked_movement,
+    holds_heading,
+    movement_from_json,
+    movement_text,
+)
 from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
@@ -30,16 +39,16 @@ def mover_of(
     send: Callable[[Command], None],
     now_s: Callable[[], float],
     sleep_until: Callable[[float], None],
-) -> DiscreteMover:
+) -> Mover:
     """Return the mover of a base."""
     tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
-    return DiscreteMover(send, settings, tracker, now_s, sleep_until)
+    return Mover(send, settings, tracker, now_s, sleep_until)
 
 
 class DiscreteMoveTask(NodeTask):
     """Executes movements for one robot until it is closed; subclasses connect it to a middleware."""
 
-    def __init__(self, names: RosInterface, mover: DiscreteMover) -> None:
+    def __init__(self, names: RosInterface, mover: Mover) -> None:
         self._command_topic = names.command
         self._mover = mover
         self._closed = threading.Event()
@@ -56,37 +65,34 @@ class DiscreteMoveTask(NodeTask):
             self._mover.stop("discrete_move is shutting down")
             self.send(STANDSTILL)
 
-    def execute(
-        self, movement: str, angle_deg: int, caller_gone: Callable[[], bool], distance_m: float | None = None
-    ) -> Outcome:
-        """Execute one movement to its end and log its outcome; see `DiscreteMover.carry_out`."""
+    def drive(self, movement: Drive, caller_gone: Callable[[], bool]) -> MotionResult:
+        """Execute one movement to its end and log its result; see `Mover.drive`."""
         if self._closed.is_set():
-            return Outcome(movement, False, "discrete_move is shutting down")
-        return self._logged(self._mover.carry_out(movement, angle_deg, caller_gone, distance_m))
+            return MotionResult(completed=False, failure="discrete_move is shutting down")
+        result = self._mover.drive(movement, caller_gone)
+        if not result.completed:
+            return self.refuse(movement_text(movement), result)
+        logger.info("%s: done in %.2f s", movement_text(movement), result.duration_s)
+        return result
 
-    def drive(self, content: Any, caller_gone: Callable[[], bool]) -> Outcome:
-        """Execute a movement with parameters to its end and log its outcome.
-
-        Args:
-            content: JSON of `movement_to_json`, from the network.
-            caller_gone: returns whether the caller has disconnected, which ends the movement.
-        """
-        if self._closed.is_set():
-            return Outcome("drive", False, "discrete_move is shutting down")
+    def drive_json(self, content: Any, caller_gone: Callable[[], bool]) -> MotionResult:
+        """Execute the movement in JSON of `movement_to_json`, from the network; see `drive`."""
         try:
-            movement = checked_movement(movement_from_json(content))
+            movement = movement_from_json(content)
+            checked = checked_movement(movement)
         except (ValueError, DecisionError) as error:
-            return self._logged(Outcome("drive", False, f"cannot read the movement: {error}"))
-        if isinstance(movement, Pixel):
-            return self._logged(Outcome("drive", False, "a pixel must be resolved to a waypoint first"))
-        return self._logged(self._mover.drive(movement, caller_gone))
+            return self.refuse("drive", f"cannot read the movement: {error}")
+        if isinstance(checked, Pixel):
+            return self.refuse("drive", "a pixel must be resolved to a waypoint first")
+        if isinstance(checked, Move) and holds_heading(movement):
+            checked = replace(checked, holds_heading=True)
+        return self.drive(checked, caller_gone)
 
-    def _logged(self, outcome: Outcome) -> Outcome:
-        if outcome.answer:
-            logger.info("%s: done in %.2f s", outcome.movement, outcome.duration_s)
-        else:
-            self._warn(f"{outcome.movement}: failed: {outcome.reason}")
-        return outcome
+    def refuse(self, movement: str, failure: str | MotionResult) -> MotionResult:
+        """Log why a movement failed, and return its result."""
+        result = MotionResult(completed=False, failure=failure) if isinstance(failure, str) else failure
+        self._warn(f"{movement}: failed: {result.failure}")
+        return result
 
     def _warn(self, text: str) -> None:
         """Log why a movement failed."""

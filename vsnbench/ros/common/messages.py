@@ -1,6 +1,7 @@
 """Conversion of values to and from the fields of ROS messages that ROS 1 and ROS 2 share."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from vsnbench.control.command import Command
 from vsnbench.sensing.odometry.odometry import heading_of_quaternion
 from vsnbench.values.camera import Camera
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 
 
@@ -89,3 +91,21 @@ class PinholeMatrices:
 def turned(pixels: npt.NDArray[Any], turns: int) -> npt.NDArray[Any]:
     """Return an upright image as a camera sees it that is mounted `turns` quarter turns anticlockwise."""
     return np.ascontiguousarray(np.rot90(pixels, turns))
+
+
+_REPORTED = ("completed", "failure", "corrections", "duration_s", "sensor_lost")
+"""Fields of a result that the node on the robot knows; the client measures the motion."""
+
+
+def result_to_json(result: MotionResult) -> dict[str, Any]:
+    """Return what the mover reports of a movement, as JSON values."""
+    return {name: getattr(result, name) for name in _REPORTED}
+
+
+def result_of_json(content: Mapping[str, Any]) -> MotionResult:
+    """Return the result of `result_to_json`.
+
+    Raises:
+        KeyError: the content is that of another version of vsnbench.
+    """
+    return MotionResult(**{name: content[name] for name in _REPORTED})

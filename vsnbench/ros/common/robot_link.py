@@ -135,12 +135,11 @@ class RobotLink(ABC):
         self.command(STANDSTILL)
 
     @abstractmethod
-    def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
+    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Execute one movement and return whether it succeeded.
 
         Args:
-            movement: a key of `MOVEMENTS`.
-            angle_deg: angle of a turn.
+            movement: in the robot's frame.
             timeout_s: longest duration of the call.
             watch: called periodically; ends the movement by an exception.
 
@@ -152,10 +151,6 @@ class RobotLink(ABC):
     @abstractmethod
     def can_drive(self) -> bool:
         """Whether movements with parameters can be executed; upstream's server of discrete_move cannot."""
-
-    @abstractmethod
-    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None]) -> bool:
-        """Execute a movement with parameters and return whether it succeeded; see `move`."""
 
     @abstractmethod
     def place(self, pose: Pose, seed: int, timeout_s: float) -> str:

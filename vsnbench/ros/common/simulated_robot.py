@@ -21,7 +21,7 @@ ODOMETRY, TEXT = "nav_msgs/Odometry", "std_msgs/String"
 IMAGE, CAMERA_INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 
 
-class SimulatedRobot(NodeTask, RobotOutlet):
+class SimulatedRobotTask(NodeTask, RobotOutlet):
     """Publishes the sensors of a simulated robot until it is closed; subclasses connect it to a middleware."""
 
     color_frame: str

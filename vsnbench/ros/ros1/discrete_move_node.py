@@ -5,7 +5,6 @@ import select
 import socket
 import threading
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +18,17 @@ from vsnbench.control.command import Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.control.settings import MotionSettings
 from vsnbench.ros.common.discrete_move import NODE, DiscreteMoveTask, mover_of
+from vsnbench.ros.common.messages import result_to_json
 from vsnbench.ros.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.ros.ros1.messages import DiscreteServer, DiscreteServerResponse, twist_message
 from vsnbench.ros.ros1.node import now_s, publish_while_open, sleep_until
-from vsnbench.ros.ros1.odometry import OdometrySubscription, sender_of
-from vsnbench.sensing.movements import Outcome
+from vsnbench.ros.ros1.service_words import movement_named
+from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.robot_profile import RobotProfile
 
-__all__ = ["NODE", "DiscreteMoveNode"]
+__all__ = ["NODE", "Ros1DiscreteMove"]
 
 _FIRST_ODOMETRY_S = 2.0
 """Longest wait for odometry before the services are advertised."""
@@ -57,7 +58,7 @@ def _is_closed(connection: socket.socket) -> bool:
         return True
 
 
-class DiscreteMoveNode(DiscreteMoveTask):
+class Ros1DiscreteMove(DiscreteMoveTask):
     """Serves discrete_move for one robot until it is closed; the node must have been started."""
 
     def __init__(self, profile: RobotProfile, file: Path | None = None) -> None:
@@ -66,7 +67,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
         self._outcomes = rospy.Publisher(f"{names.discrete_move}/outcome", String, queue_size=10)
         super().__init__(names, mover_of(profile, self.settings, self.send, now_s, sleep_until))
-        OdometrySubscription(names, self.take_odometry, queue_size=10)
+        Ros1Odometry(names, self.take_odometry, queue_size=10)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         subscribe_hazards(names.hazard_topics, self._mover.take_hazard)
         subscribe_states(names, self._mover.take_hazard)
@@ -90,19 +91,23 @@ class DiscreteMoveNode(DiscreteMoveTask):
             self.take_foreign_command(message, node)
 
     def _on_request(self, request: Any) -> Any:
-        return self._answer(self.execute(request.movement, request.angle, self._service.caller_gone))
+        try:
+            movement = movement_named(request.movement, request.angle, self.settings.forward_m)
+        except ValueError as error:
+            return self._answer(self.refuse(request.movement, str(error)))
+        return self._answer(self.drive(movement, self._service.caller_gone))
 
     def _on_drive(self, request: Any) -> Any:
         try:
             content = json.loads(request.movement)
         except (ValueError, RecursionError):
             content = None
-        return self._answer(self.drive(content, self._drive.caller_gone))
+        return self._answer(self.drive_json(content, self._drive.caller_gone))
 
-    def _answer(self, outcome: Outcome) -> Any:
+    def _answer(self, result: MotionResult) -> Any:
         # The bool of the service has no room for the reason.
-        publish_while_open(self._outcomes, String(json.dumps(asdict(outcome))))
-        return DiscreteServerResponse(outcome.answer)
+        publish_while_open(self._outcomes, String(json.dumps(result_to_json(result))))
+        return DiscreteServerResponse(result.completed)
 
     def _on_reset(self, _request: Any) -> Any:
         self._mover.forget_heading()

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
-from vsnbench.ros.common import readiness
+from vsnbench.ros.common.readiness import Readiness
 from vsnbench.ros.ros1.graph import graph_faults, steering_nodes, unregistered_publisher
 from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.ros.ros1.master import Master, MasterError, SystemState
@@ -14,7 +14,7 @@ from vsnbench.sensing.robot_reports import RobotSnapshot
 
 
 @dataclass
-class Readiness(readiness.Readiness):
+class Ros1Readiness(Readiness):
     """Finds the first part of a robot that does not answer."""
 
     names: Ros1Interface

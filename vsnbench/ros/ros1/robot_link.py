@@ -12,8 +12,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from vsnbench.control.command import Command
-from vsnbench.ros.common import robot_link
-from vsnbench.ros.common.robot_link import placement_seed
+from vsnbench.ros.common.messages import result_of_json
+from vsnbench.ros.common.robot_link import RobotLink, placement_seed
 from vsnbench.ros.ros1.battery import subscribe_battery
 from vsnbench.ros.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros.ros1.interface import Ros1Interface, ros1_interface
@@ -26,11 +26,11 @@ from vsnbench.ros.ros1.messages import (
     twist_message,
 )
 from vsnbench.ros.ros1.node import now_s, publish_while_open, start_node
-from vsnbench.ros.ros1.odometry import OdometrySubscription, sender_of
-from vsnbench.ros.ros1.readiness import Readiness
+from vsnbench.ros.ros1.readiness import Ros1Readiness
 from vsnbench.ros.ros1.service_call import ServiceClient
+from vsnbench.ros.ros1.service_words import words_of
+from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of
 from vsnbench.sensing.images.compressed_images import is_compressed
-from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.movement import Drive, movement_to_json
 from vsnbench.values.pose import Pose
@@ -41,13 +41,13 @@ NODE = "vsnbench"
 _IMAGE_BUFFER = 1 << 24
 
 
-class RobotLink(robot_link.RobotLink):
+class Ros1Link(RobotLink):
     """Connection to a robot on a ROS 1 network; one per process."""
 
     kind = ROS1
     steer = None
     names: Ros1Interface
-    _readiness: Readiness
+    _readiness: Ros1Readiness
 
     def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
@@ -61,10 +61,10 @@ class RobotLink(robot_link.RobotLink):
         self._commands = rospy.Publisher(names.command, Twist, queue_size=10, tcp_nodelay=True)
         # ROS calls this while the topics are open, also when another node ends this one.
         rospy.on_shutdown(self.stand_still)
-        self._readiness = Readiness(
+        self._readiness = Ros1Readiness(
             names, self.snapshot, lambda: self.odometry.fault, profile, self.master, self.discrete_move
         )
-        self.odometry = OdometrySubscription(names, self._on_odometry)
+        self.odometry = Ros1Odometry(names, self._on_odometry)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         self._subscribe_camera()
         subscribe_hazards(names.hazard_topics, self._reports.take_hazard)
@@ -112,20 +112,19 @@ class RobotLink(robot_link.RobotLink):
         """Command a velocity, whatever executes movements; does nothing after ROS has closed the topic."""
         publish_while_open(self._commands, twist_message(command))
 
-    def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
-        """Call discrete_move for one movement; see `ServiceClient.call` for its errors."""
-        self._reports.take_outcome(None)
-        request = DiscreteServerRequest(movement, angle_deg)
-        return bool(self.discrete_move.call(request, timeout_s, watch).response)
-
     @property
     def can_drive(self) -> bool:
         """Whether the node of discrete_move is that of vsnbench, which has a service for them."""
         return self._drive.name in self.master.state().services
 
-    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None]) -> bool:
-        """Call the service of vsnbench's node for one movement; see `ServiceClient.call` for its errors."""
+    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
+        """Call discrete_move for an action, or the service of vsnbench's node for a movement with parameters.
+
+        See `ServiceClient.call` for its errors.
+        """
         self._reports.take_outcome(None)
+        if (words := words_of(movement)) is not None:
+            return bool(self.discrete_move.call(DiscreteServerRequest(*words), timeout_s, watch).response)
         request = DiscreteServerRequest(json.dumps(movement_to_json(movement)), 0)
         return bool(self._drive.call(request, timeout_s, watch).response)
 
@@ -173,4 +172,4 @@ class RobotLink(robot_link.RobotLink):
             self._take_command(message, node, rival=node not in self._readiness.steering)
 
     def _on_outcome(self, message: Any) -> None:
-        self._reports.take_outcome(Outcome(**json.loads(message.data)))
+        self._reports.take_outcome(result_of_json(json.loads(message.data)))

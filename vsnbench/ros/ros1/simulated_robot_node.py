@@ -13,7 +13,7 @@ from std_msgs.msg import Bool, Empty, String
 
 from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.ros.common.messages import PinholeMatrices, fill_image, fill_odometry
-from vsnbench.ros.common.simulated_robot import NODE, SimulatedRobot
+from vsnbench.ros.common.simulated_robot import NODE, SimulatedRobotTask
 from vsnbench.ros.ros1.battery import battery_message
 from vsnbench.ros.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros.ros1.master import Master, MasterError
@@ -32,12 +32,12 @@ from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
-__all__ = ["NODE", "SimulatedRobotNode"]
+__all__ = ["NODE", "Ros1SimulatedRobot"]
 
 logger = logging.getLogger(__name__)
 
 
-class SimulatedRobotNode(SimulatedRobot):
+class Ros1SimulatedRobot(SimulatedRobotTask):
     """Simulates one robot until it is closed; the node must have been started."""
 
     color_frame = "camera_rgb_optical_frame"

@@ -5,7 +5,6 @@ It stops when the client stops repeating its request (`topic_service.GONE_S`), a
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +14,23 @@ from vsnbench.control.command import Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.errors import RobotError
 from vsnbench.ros.common.discrete_move import NODE, DiscreteMoveTask, mover_of
+from vsnbench.ros.common.messages import result_to_json
 from vsnbench.ros.ros2.graph import Graph
 from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import ros2_interface
 from vsnbench.ros.ros2.node import LATCHED, Ros2Node
-from vsnbench.ros.ros2.odometry import OdometrySubscription
+from vsnbench.ros.ros2.subscriptions import Ros2Odometry
 from vsnbench.ros.ros2.topic_service import TopicServiceServer
 from vsnbench.ros.ros2.velocities import Velocities
-from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.simulation import ACCOUNT, read_account
 from vsnbench.values.robot_profile import RobotProfile
 
-__all__ = ["NODE", "DiscreteMoveNode"]
+__all__ = ["NODE", "Ros2DiscreteMove"]
 
 logger = logging.getLogger(__name__)
 
 
-class DiscreteMoveNode(DiscreteMoveTask):
+class Ros2DiscreteMove(DiscreteMoveTask):
     """Executes movements for one robot until it is closed."""
 
     def __init__(self, node: Ros2Node, profile: RobotProfile, file: Path | None = None) -> None:
@@ -41,7 +40,7 @@ class DiscreteMoveNode(DiscreteMoveTask):
             names, mover_of(profile, motion_settings(profile, file), self.send, node.now_s, node.sleep_until)
         )
         self._velocities = Velocities(node, Graph(node), names, self.take_foreign_command)
-        self._odometry = OdometrySubscription(node, names, self.take_odometry)
+        self._odometry = Ros2Odometry(node, names, self.take_odometry)
         node.rclpy.create_subscription(String, names.simulation_topic(ACCOUNT), self._on_account, LATCHED)
         subscribe_hazards(node, names, self._mover.take_hazard)
         for part in names.hazard_topics:
@@ -54,17 +53,19 @@ class DiscreteMoveNode(DiscreteMoveTask):
         self._velocities.send(command)
 
     def _answer(self, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Mapping[str, Any]:
-        movement = str(request.get("movement", ""))[:40]
-        if movement == "Ping":
-            return {"missing": self._missing(), "drives": True}
-        if movement == "Reset":
-            self._mover.forget_heading()
-            return {}
-        if movement == "Drive":
-            fault = self._velocities.connect()
-            outcome = Outcome("drive", False, str(fault)) if fault else self.drive(request.get("drive"), caller_gone)
-            return asdict(outcome)
-        return asdict(self._execute(movement, request, caller_gone))
+        match request.get("request"):
+            case "ping":
+                return {"missing": self._missing()}
+            case "reset":
+                self._mover.forget_heading()
+                return {}
+            case "drive":
+                fault = self._velocities.connect()
+                content = request.get("movement")
+                return result_to_json(
+                    self.refuse("drive", str(fault)) if fault else self.drive_json(content, caller_gone)
+                )
+        return {"missing": "the request is that of another version of vsnbench"}
 
     def _missing(self) -> str:
         """Return the part of the base that this node has not found yet, or an empty string."""
@@ -72,15 +73,6 @@ class DiscreteMoveNode(DiscreteMoveTask):
             return self._odometry.fault or "no odometry received yet"
         fault = self._velocities.connect()
         return fault.statement if fault else ""
-
-    def _execute(self, movement: str, request: Mapping[str, Any], caller_gone: Callable[[], bool]) -> Outcome:
-        if fault := self._velocities.connect():
-            return Outcome(movement, False, str(fault))
-        try:
-            angle_deg, distance_m = int(request.get("angle_deg", 0)), float(request.get("distance_m", 0.25))
-        except (TypeError, ValueError):
-            return Outcome(movement, False, "angle_deg and distance_m of a movement must be numbers")
-        return self.execute(movement, angle_deg, caller_gone, distance_m)
 
     def _on_account(self, message: Any) -> None:
         try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RobotError
-from vsnbench.ros.common import readiness
+from vsnbench.ros.common.readiness import Readiness
 from vsnbench.ros.ros2.docking import Dock
 from vsnbench.ros.ros2.graph import Graph, type_fault
 from vsnbench.ros.ros2.installation import discovery
@@ -22,7 +22,7 @@ _DISCOVERY_S = 3.5
 
 
 @dataclass
-class Readiness(readiness.Readiness):
+class Ros2Readiness(Readiness):
     """Finds the first part of a robot that does not answer."""
 
     names: Ros2Interface

@@ -14,25 +14,24 @@ from std_msgs.msg import String
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.errors import NoAnswerError, RobotError
-from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.ros.common import robot_link
 from vsnbench.ros.common.discrete_move import mover_of
-from vsnbench.ros.common.robot_link import placement_seed
+from vsnbench.ros.common.messages import result_of_json
+from vsnbench.ros.common.robot_link import RobotLink, placement_seed
 from vsnbench.ros.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros.ros2.graph import Graph
 from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
 from vsnbench.ros.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
-from vsnbench.ros.ros2.odometry import OdometrySubscription
-from vsnbench.ros.ros2.readiness import Readiness
+from vsnbench.ros.ros2.readiness import Ros2Readiness
+from vsnbench.ros.ros2.subscriptions import Ros2Odometry
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
 from vsnbench.ros.ros2.velocities import Velocities
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.compressed_images import is_compressed
-from vsnbench.sensing.movements import Outcome
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.battery import Battery
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Drive, movement_to_json
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ROS2
@@ -42,21 +41,21 @@ _ON_ROBOT, _WORKSTATION = "vsnbench", "workstation"
 """Values of `RobotLink.server`."""
 
 
-class RobotLink(robot_link.RobotLink):
+class Ros2Link(RobotLink):
     """Connection to a robot on a ROS 2 graph; one per process.
 
     Messages arrive in the thread of the node. Images stay serialized.
     """
 
     kind = ROS2
+    can_drive = True
     reports_outcomes = True
     names: Ros2Interface
 
-    def __init__(self, profile: RobotProfile, parameters: ProtocolParameters) -> None:
+    def __init__(self, profile: RobotProfile) -> None:
         super().__init__(profile)
         self.names = names = ros2_interface(profile)
         self.image_turns = names.image_turns
-        self._parameters = parameters
         self.node = Ros2Node(f"vsnbench_{time.time_ns() // 1_000_000}", names.root)
         try:
             self.graph = Graph(self.node)
@@ -64,7 +63,6 @@ class RobotLink(robot_link.RobotLink):
             self._discrete_move = TopicServiceClient(self.node, names.discrete_move)
             self._place = TopicServiceClient(self.node, names.simulation_topic(PLACE))
             self._server = ""
-            self._robot_drives = False
             settings = motion_settings(profile)
             self._mover = mover_of(profile, settings, self._steer, self.node.now_s, self.node.sleep_until)
             self._subscribe()
@@ -116,47 +114,26 @@ class RobotLink(robot_link.RobotLink):
             self._mover.take_other_command()
         self.velocities.send(command)
 
-    def move(self, movement: str, angle_deg: int, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
+    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Execute one movement and return whether it succeeded; `watch` may raise to end it.
 
         Raises:
             NoAnswerError: the node on the robot does not answer in time.
         """
         self._reports.take_outcome(None)
-        distance_m = self._parameters.forward_m
         if self._server == _ON_ROBOT:
-            request = {"movement": movement, "angle_deg": angle_deg, "distance_m": distance_m}
-            outcome = self._ask_robot(request, timeout_s, watch)
+            result = self._ask_robot(movement, timeout_s, watch)
         else:
-            outcome = self._mover.carry_out(movement, angle_deg, _never_gone(watch), distance_m)
-        self._reports.take_outcome(outcome)
-        return outcome.answer
+            result = self._mover.drive(movement, _never_gone(watch), timeout_s)
+        self._reports.take_outcome(result)
+        return result.completed
 
-    @property
-    def can_drive(self) -> bool:
-        """Whether this process steers, or a node that knows movements with parameters."""
-        return self._server == _WORKSTATION or self._robot_drives
-
-    def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None]) -> bool:
-        """Execute a movement with parameters and return whether it succeeded; `watch` may raise to end it.
-
-        Raises:
-            NoAnswerError: the node on the robot does not answer in time.
-        """
-        self._reports.take_outcome(None)
-        if self._server == _ON_ROBOT:
-            request = {"movement": "Drive", "drive": movement_to_json(movement)}
-            outcome = self._ask_robot(request, timeout_s, watch)
-        else:
-            outcome = self._mover.drive(movement, _never_gone(watch), timeout_s)
-        self._reports.take_outcome(outcome)
-        return outcome.answer
-
-    def _ask_robot(self, request: dict[str, Any], timeout_s: float, watch: Callable[[], None] | None) -> Outcome:
+    def _ask_robot(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None) -> MotionResult:
+        request = {"request": "drive", "movement": movement_to_json(movement)}
         answer = self._discrete_move.call(request, timeout_s, watch)
         try:
-            return Outcome(**answer)
-        except TypeError as error:
+            return result_of_json(answer)
+        except KeyError as error:
             raise NoAnswerError(
                 f"{self.names.discrete_move} runs another version of vsnbench",
                 advice="run the same version on both machines",
@@ -173,7 +150,7 @@ class RobotLink(robot_link.RobotLink):
         """Reset the held heading of the mover."""
         self._mover.forget_heading()
         if self._server == _ON_ROBOT:
-            self._discrete_move.call({"movement": "Reset"}, timeout_s)
+            self._discrete_move.call({"request": "reset"}, timeout_s)
 
     def choose_server(self) -> RobotError | None:
         """Select what executes movements, once per session; returns why nothing can, or None.
@@ -185,11 +162,10 @@ class RobotLink(robot_link.RobotLink):
             self._server = _WORKSTATION
             return None
         try:
-            answer = self._discrete_move.call({"movement": "Ping"}, 1.0)
+            answer = self._discrete_move.call({"request": "ping"}, 1.0)
         except NoAnswerError as error:
             start = f"(vsnbench robots serve {self.profile.argument})"
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
-        self._robot_drives = answer.get("drives") is True
         if missing := answer.get("missing", ""):
             return RobotError(
                 f"{self.names.discrete_move} cannot move the base: {missing}", code="discrete-move-not-ready"
@@ -226,13 +202,13 @@ class RobotLink(robot_link.RobotLink):
 
     def _subscribe(self) -> None:
         names = self.names
-        self.odometry = OdometrySubscription(self.node, names, self._on_odometry)
+        self.odometry = Ros2Odometry(self.node, names, self._on_odometry)
         self._subscribe_camera()
         self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
         subscribe_hazards(self.node, names, self._on_hazard)
         dock = Dock(self.profile, names)
         subscribe_dock(self.node, names, dock, self._on_battery)
-        self._readiness = Readiness(
+        self._readiness = Ros2Readiness(
             names,
             self.snapshot,
             lambda: self.odometry.fault,

@@ -10,7 +10,7 @@ from sensor_msgs.msg import BatteryState, CameraInfo, Image
 from std_msgs.msg import Bool, String
 
 from vsnbench.ros.common.interface import TF_MESSAGE, OdometryFrames
-from vsnbench.ros.common.simulated_robot import NODE, SimulatedRobot
+from vsnbench.ros.common.simulated_robot import NODE, SimulatedRobotTask
 from vsnbench.ros.ros2.installation import require_tf_message
 from vsnbench.ros.ros2.interface import TWIST, Ros2Interface, ros2_interface
 from vsnbench.ros.ros2.messages import (
@@ -23,7 +23,7 @@ from vsnbench.ros.ros2.messages import (
     twist_of,
 )
 from vsnbench.ros.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
-from vsnbench.ros.ros2.odometry import tf_message
+from vsnbench.ros.ros2.subscriptions import tf_message
 from vsnbench.ros.ros2.topic_service import TopicServiceServer
 from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
@@ -32,7 +32,7 @@ from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
-__all__ = ["NODE", "SimulatedRobotNode"]
+__all__ = ["NODE", "Ros2SimulatedRobot"]
 
 _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
@@ -42,7 +42,7 @@ _CLASSES: dict[str, Any] = {
 }
 
 
-class SimulatedRobotNode(SimulatedRobot):
+class Ros2SimulatedRobot(SimulatedRobotTask):
     """Simulates one robot until it is closed."""
 
     color_frame = depth_frame = OPTICAL_FRAME

@@ -18,7 +18,7 @@ _STEP_M = 0.05
 
 
 class PathGuard:
-    """Checks the way ahead during one movement; a robot calls it as its `PathCheck`.
+    """Checks the way ahead during one movement; a robot calls it as its `Watch`.
 
     The robot must be able to stop, from its present speed and before the next image, with as much distance to the
     obstacle as a discrete move leaves: the guard's distance less the length of a move.

@@ -187,14 +187,14 @@ class Stepper:
                 if guard.blocked:
                     return guard, None, guard.text
             self._moves = decision.action.moves
-            return guard, self._robot.execute(decision.action), ""
+            return guard, self._robot.drive(self._plan.parameters.movement_of(decision.action)), ""
         movement = decision.movement
         if isinstance(movement, Pixel):
             waypoint = waypoint_of(movement, seen, self._base, self._guard)
             if waypoint is None:
                 return None, None, "the pixel has no depth"
             movement = waypoint
-        check = PathGuard(self._robot.identity.profile, self._plan.parameters)
+        watch = PathGuard(self._robot.identity.profile, self._plan.parameters)
         self._moves = True
-        result = self._robot.drive(movement, check)
-        return check.last if result.blocked else None, result, result.blocked
+        result = self._robot.drive(movement, watch)
+        return watch.last if result.blocked else None, result, result.blocked

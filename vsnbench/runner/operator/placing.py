@@ -165,7 +165,7 @@ class Placing:
             observation = robot.observe()
             _add_depth(observation, looks)
             for _ in range(turns):
-                result = robot.execute(Action.TURN_LEFT)
+                result = robot.drive(self._parameters.movement_of(Action.TURN_LEFT))
                 if not result.completed:
                     why = (
                         result.failure or f"it touched {result.collision.touched if result.collision else 'something'}"

@@ -28,7 +28,7 @@ from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles
-from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.results.writing.campaigns import model_sha256
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
@@ -116,7 +116,7 @@ class SetupDescription:
     sensors: frozenset[Sensor]
     conditions: Mapping[str, Any]
     card: ModelCard
-    model: ModelIdentity
+    model: ModelCard
     goals: tuple[str, ...]
     """Requested categories that the site has and the model knows."""
     needs_operator: bool = False
@@ -139,7 +139,7 @@ class SetupDescription:
         """Return how another setup with the same spec differs; empty if it does not."""
         pairs = {
             "robot": (self.robot.sha256, other.robot.sha256),
-            "model": (self.model.sha256, other.model.sha256),
+            "model": (model_sha256(self.model), model_sha256(other.model)),
             "conditions": (dict(self.conditions), dict(other.conditions)),
         }
         return ", ".join(f"{name} {ours} and {theirs}" for name, (ours, theirs) in pairs.items() if ours != theirs)
@@ -231,7 +231,7 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
             **({} if crop is None else crop_condition(crop)),
         },
         card=policy.card,
-        model=_identity(spec, policy),
+        model=policy.card.recorded(files_handed_over(spec.model, policy.policy, spec.options), code_of(policy.policy)),
         goals=spec.goals,
         needs_operator=robot.needs_operator,
         seen_camera=crop or camera,
@@ -266,26 +266,6 @@ def _end_with_stuck_model() -> None:
         b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n",
     )
     end_process_now(ExitCode.FAILED)
-
-
-def _identity(spec: TrialSetupSpec, policy: LoadedPolicy) -> ModelIdentity:
-    card = policy.card
-    settings = dict(card.settings)
-    if card.action_kinds != frozenset({ActionKind.DISCRETE}):
-        settings["action_kinds"] = sorted(card.action_kinds)
-    if card.action_map:
-        settings["action_map"] = {action.value: replaced.value for action, replaced in sorted(card.action_map.items())}
-    return ModelIdentity(
-        name=card.name,
-        goals=card.goals,
-        sensors=frozenset(sensor.value for sensor in card.sensors),
-        weights_sha256=card.weights_sha256,
-        weights_label=card.weights_label,
-        settings=settings,
-        surveyed=policy.needs_survey,
-        files=files_handed_over(spec.model, policy.policy, spec.options),
-        code=code_of(policy.policy),
-    )
 
 
 def _check_sensors(description: SetupDescription) -> None:

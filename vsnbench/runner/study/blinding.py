@@ -13,7 +13,8 @@ from vsnbench.results.files.episode_entries import (
     EventEntry,
     StepEntry,
 )
-from vsnbench.results.reading.blinding import HIDDEN, TELLING, hide_step
+from vsnbench.results.reading.blinding import hide_step
+from vsnbench.results.reading.read_model import HIDDEN, TELLING
 from vsnbench.runner.episode.step import Step
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.values.decision import Decision

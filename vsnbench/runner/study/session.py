@@ -6,6 +6,7 @@ from functools import partial
 from vsnbench.errors import RobotError, StudyError
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.studies.entries import SESSION, SESSION_END
+from vsnbench.results.writing.campaigns import model_sha256
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.robots.contract import Robot
@@ -103,7 +104,7 @@ def _load_arm(
     if plan.key != locked.campaign_key:
         what = (
             "its weights, settings or code are not those that were locked"
-            if plan.model.sha256 != locked.model_sha256
+            if model_sha256(plan.model) != locked.model_sha256
             else "the site, the robot or its conditions are not those that were locked"
         )
         close_policy(policy)

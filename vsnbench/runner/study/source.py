@@ -13,7 +13,7 @@ from vsnbench.runner.loop.contract import EpisodeEnded, SessionResult, TrialSour
 from vsnbench.runner.loop.follow_up import FollowUp, FollowUpRules
 from vsnbench.runner.operator.contract import Operator, SessionEndedError
 from vsnbench.runner.study.arms import StudyPlace
-from vsnbench.study.stopping import Decision, decide
+from vsnbench.study.stopping import StoppingDecision, decide
 from vsnbench.study.units import shared_blocks
 
 logger = logging.getLogger(__name__)
@@ -128,10 +128,10 @@ class StudySource(TrialSource):
         if until is not None and datetime.now(until.tzinfo) >= until:
             raise SessionEndedError(f"it is {until:%H:%M}")
 
-    def _decide(self, progress: Sequence[StudyTrialProgress]) -> Decision:
+    def _decide(self, progress: Sequence[StudyTrialProgress]) -> StoppingDecision:
         plan = self._request.place.study
         if plan.stopping != "decided":
-            return Decision((), {}, "")
+            return StoppingDecision((), {}, "")
         decision = decide(plan, shared_blocks(progress, plan.goals))
         if decision.over and not any(entry.kind == OVER for entry in self._study.entries):
             self._journal.note_in_study(self._study.id, OVER, decision.over)

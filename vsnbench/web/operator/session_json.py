@@ -122,7 +122,7 @@ def case_json(case: Case) -> dict[str, Any]:
 
 def episode_json(shown: ShownEpisode) -> dict[str, Any]:
     """Return a finished episode for the list."""
-    episode = shown.summary
+    episode = shown.episode
     return {
         "episode": episode.id,
         "driven_by": episode.model,

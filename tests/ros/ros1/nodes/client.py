@@ -51,7 +51,7 @@ class Client:
         }
 
     def execute(self, action: str) -> dict:
-        return measured(self.robot.execute(Action(action)))
+        return measured(self.robot.drive(ProtocolParameters().movement_of(Action(action))))
 
     def step(self, action: str) -> dict:
         """Observe and act, as a step of a run does."""

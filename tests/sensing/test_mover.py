@@ -6,10 +6,14 @@ from typing import Any
 
 import pytest
 
+from tests.movements import BACKWARD, FORWARD, LEFT, RIGHT
 from tests.sensing.stand import PROFILE, REST_S, Stand
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.settings import MotionSettings
+from vsnbench.sensing.mover import Mover
+from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.simulator.dynamics.noise import NoiseSettings
+from vsnbench.values.movement import STOP
 from vsnbench.values.robot_profile import BaseDynamics, Tolerances
 
 
@@ -25,11 +29,11 @@ def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, nois
     held_rad = before.heading_rad
     worst_absolute = worst_relative = 0.0
     for _ in range(40):
-        word = choice.choices(["Forward", "Backward", "Left", "Right"], [4, 1, 3, 3])[0]
-        assert stand.ask(word).answer
+        movement = choice.choices([FORWARD, BACKWARD, LEFT, RIGHT], [4, 1, 3, 3])[0]
+        assert stand.drive(movement).completed
         after = stand.base.odometry
-        if word in ("Left", "Right"):
-            asked_rad = math.radians(30) * (1 if word == "Left" else -1)
+        if movement.turn_rad:
+            asked_rad = movement.turn_rad
             held_rad += asked_rad
             worst_absolute = max(worst_absolute, abs(math.remainder(after.heading_rad - held_rad, math.tau)))
             worst_relative = max(worst_relative, abs(after.heading_rad - before.heading_rad - asked_rad))
@@ -42,12 +46,13 @@ def test_true_is_within_tolerance_of_the_heading_that_is_held(lag_s: float, nois
         assert worst_relative > math.radians(0.1)
 
 
-@pytest.mark.parametrize("word", ["Left", "Right"])
-def test_a_turn_of_zero_degrees_turns_nothing(word: str) -> None:
-    stand = Stand()
-    before = stand.base.odometry
-    assert stand.ask(word, 0).answer
-    assert stand.base.odometry.heading_rad == pytest.approx(before.heading_rad, abs=1e-6)
+def test_stop_needs_no_odometry_and_moves_nothing() -> None:
+    sent: list[Command] = []
+    tracker = OdometryTracker(1.0, 1.0)
+    mover = Mover(sent.append, MotionSettings(), tracker, lambda: 0.0, lambda _due_s: None, lambda: 0.0)
+    assert mover.drive(STOP, lambda: False).completed
+    assert sent == [STANDSTILL]
+    assert "no odometry" in mover.drive(FORWARD, lambda: False).failure
 
 
 def noisy_stand(rate_hz: float, heading_deg: float = 0.0, position_m: float = 0.0, **more: Any) -> Stand:
@@ -60,14 +65,14 @@ def durations_s(stand: Stand, movements: int) -> list[float]:
     choice, took_s = random.Random(5), []
     held_rad = stand.base.odometry.heading_rad
     for _ in range(movements):
-        word = choice.choices(["Forward", "Backward", "Left", "Right"], [4, 1, 3, 3])[0]
+        movement = choice.choices([FORWARD, BACKWARD, LEFT, RIGHT], [4, 1, 3, 3])[0]
         before, began_s = stand.base.odometry, stand.base.now_s
-        outcome = stand.mover.carry_out(word, 30, lambda: False)
-        assert outcome.answer, outcome.reason
+        result = stand.mover.drive(movement, lambda: False)
+        assert result.completed, result.failure
         took_s.append(stand.base.now_s - began_s)
         after = stand.base.odometry
-        if word in ("Left", "Right"):
-            held_rad += math.radians(30) * (1 if word == "Left" else -1)
+        if movement.turn_rad:
+            held_rad += movement.turn_rad
             assert abs(math.remainder(after.heading_rad - held_rad, math.tau)) < math.radians(0.1)
         else:
             assert abs(before.distance_to(after) - 0.25) < 0.005
@@ -85,9 +90,9 @@ def test_a_movement_whose_control_loop_paused_does_not_go_on() -> None:
             stand.sleep_until(stand.base.now_s + 1.0)
         return False
 
-    outcome = stand.mover.carry_out("Forward", 0, suspended_once)
-    assert not outcome.answer
-    assert "paused for 1.0 s" in outcome.reason
+    result = stand.mover.drive(FORWARD, suspended_once)
+    assert not result.completed
+    assert "paused for 1.0 s" in result.failure
     stand.sleep_until(stand.base.now_s + REST_S)
     stood_at = stand.base.odometry
     stand.sleep_until(stand.base.now_s + REST_S)
@@ -103,14 +108,14 @@ def test_a_base_with_noise_at_rest_moves_accurately(rate_hz, heading_deg, positi
     assert longer[26] < 2
 
 
-@pytest.mark.parametrize(("word", "says"), [("Left", "0.1°"), ("Forward", "5 mm")])
-def test_noise_too_large_to_average_is_named_and_nothing_moves(word, says) -> None:
+@pytest.mark.parametrize(("movement", "says"), [(LEFT, "0.1°"), (FORWARD, "5 mm")])
+def test_noise_too_large_to_average_is_named_and_nothing_moves(movement, says) -> None:
     stand = noisy_stand(20, heading_deg=0.15, position_m=0.008)
     before = stand.base.pose
-    outcome = stand.mover.carry_out(word, 30, lambda: False)
-    assert not outcome.answer
-    assert outcome.reason.startswith("odometry noise of ")
-    assert outcome.reason.endswith(f"too large for {says}")
+    result = stand.mover.drive(movement, lambda: False)
+    assert not result.completed
+    assert result.failure.startswith("odometry noise of ")
+    assert result.failure.endswith(f"too large for {says}")
     assert stand.base.pose.distance_to(before) < 1e-4
     assert stand.base.pose.heading_rad == pytest.approx(before.heading_rad, abs=1e-4)
 
@@ -120,7 +125,7 @@ def test_larger_tolerances_in_the_profile_serve_a_less_accurate_base() -> None:
     settings = MotionSettings.for_robot(coarse)
     stand = noisy_stand(20, heading_deg=0.15, position_m=0.006, settings=settings)
     before = stand.base.odometry
-    assert stand.ask("Left").answer
+    assert stand.drive(LEFT).completed
     turned_rad = stand.base.odometry.heading_rad - before.heading_rad
     assert turned_rad == pytest.approx(math.radians(30), abs=math.radians(0.5))
     assert coarse.sha256 != PROFILE.sha256
@@ -134,10 +139,10 @@ def test_a_rival_publisher_ends_the_movement_by_its_name() -> None:
             stand.mover.take_rival("/joystick commands /cmd_vel as well")
         return False
 
-    outcome = stand.mover.carry_out("Forward", 0, joystick_moves)
-    assert (outcome.answer, outcome.reason) == (False, "/joystick commands /cmd_vel as well")
-    assert outcome.duration_s < 0.7
-    assert stand.mover.carry_out("Backward", 0, lambda: False).answer
+    result = stand.mover.drive(FORWARD, joystick_moves)
+    assert (result.completed, result.failure) == (False, "/joystick commands /cmd_vel as well")
+    assert result.duration_s < 0.7
+    assert stand.mover.drive(BACKWARD, lambda: False).completed
 
 
 @pytest.mark.parametrize("is_known", [True, False])
@@ -151,6 +156,6 @@ def test_a_base_that_was_moved_before_its_first_movement_is_still_known_to_be_no
         stand.base.set_command(Command(0.0, 0.3 if number < 100 else -0.1))
         stand.sleep_until(stand.base.now_s + 0.02)
     stand.base.set_command(STANDSTILL)
-    outcome = stand.ask("Left")
-    assert outcome.answer, outcome.reason
-    assert outcome.duration_s < 6.0
+    result = stand.drive(LEFT)
+    assert result.completed, result.failure
+    assert result.duration_s < 6.0

@@ -1,6 +1,6 @@
-"""Execution of discrete movements by velocities and odometry, without a middleware.
+"""Execution of movements by velocities and odometry, without a middleware.
 
-Other threads pass in odometry and events. `carry_out` returns when the movement has ended. Every exit commands zero
+Other threads pass in odometry and events. `drive` returns when the movement has ended. Every exit commands zero
 velocity.
 """
 
@@ -10,56 +10,38 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
+from vsnbench.control.command import STANDSTILL, Command, MotionStatus
 from vsnbench.control.controller import MotionController
 from vsnbench.control.held_heading import HeldHeading
-from vsnbench.control.law import heading_after
-from vsnbench.control.legs import Leg, LegPlan, longest_duration_s
+from vsnbench.control.leg import Leg
+from vsnbench.control.legs import LegPlan, controller_of, longest_duration_s
 from vsnbench.control.response import ResponseMeter
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
 from vsnbench.sensing.hazards import Hazard
-from vsnbench.sensing.movements import MOVEMENTS, Outcome
 from vsnbench.sensing.mover_senses import MoverSenses
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFaultKind, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
-from vsnbench.values.action import Action
-from vsnbench.values.movement import Drive, movement_to_json
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
 from vsnbench.values.pose import Pose
 
 _SETTLING_READINGS = 2.5
 """Settling time in odometry periods: slow odometry repeats its value while the robot still rolls."""
-_LONGEST_SETTLING_S, _LONGEST_MOVE_M = 1.0, 10.0
+_LONGEST_SETTLING_S = 1.0
 _LONGEST_PAUSE_S = 0.6
 """Longest time between two commands: after a longer one, a stopped base would start again without a request."""
 _LONGEST_START_S = 1.5
 """Longest time of readings at rest before a movement of a noisy base."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Request:
-    """A movement in progress."""
-
-    movement: str
-    action: Action
-    settings: MotionSettings
-    ticket: int
-    caller_gone: Callable[[], bool]
-    leg: Leg | None = None
-    """Leg of a movement with parameters; None for a discrete action."""
-
-
-class _OverdueError(Exception):
-    """A movement has reached its deadline."""
-
-
-class DiscreteMover:
+class Mover:
     """Executes movements one at a time; a new request pre-empts the running one.
 
-    Headings are held absolutely: the target of a turn is relative to the last target, not to the heading that the last
-    turn reached. After a turn by hand or a reset of the odometry, it is relative to the present heading.
+    A movement that holds headings turns relative to the last target, not to the heading that the last turn reached.
+    After a turn by hand or a reset of the odometry, it turns relative to the present heading.
 
     Args:
         send: commands a velocity.
@@ -148,85 +130,56 @@ class DiscreteMover:
         with self._moving:
             self._send(STANDSTILL)
 
-    def carry_out(
-        self, movement: str, angle_deg: float, caller_gone: Callable[[], bool], distance_m: float | None = None
-    ) -> Outcome:
-        """Execute one movement to its end.
+    def drive(self, movement: Drive, caller_gone: Callable[[], bool], timeout_s: float = math.inf) -> MotionResult:
+        """Execute a movement leg by leg, and return whether and why not it was done; the caller measures the motion.
 
         Args:
-            movement: a key of MOVEMENTS.
-            angle_deg: angle of a turn; 0 for no turn.
+            movement: the movement. One that does not hold headings begins with the measured heading.
             caller_gone: returns whether the caller has disconnected, which ends the movement.
-            distance_m: distance of a move; None for the configured one.
-        """
-        action = MOVEMENTS.get(movement)
-        if action is None:
-            return Outcome(movement, False, f"unknown movement {movement!r}: use one of {', '.join(MOVEMENTS)}")
-        if action.turns and not 0 <= angle_deg <= 360:
-            return Outcome(movement, False, f"{movement} {angle_deg}: the angle of a turn must be 0 to 360 degrees")
-        settings = self._settings
-        if action.turns and angle_deg == 0:
-            action = Action.STOP
-        elif action.turns:
-            settings = settings.model_copy(update={"turn_rad": math.radians(angle_deg)})
-        elif distance_m is not None and action.translates:
-            if not 0 < distance_m <= _LONGEST_MOVE_M:
-                reason = f"{movement} {distance_m:g}: a move must be at most {_LONGEST_MOVE_M:g} m"
-                return Outcome(movement, False, reason)
-            settings = settings.model_copy(update={"forward_m": distance_m})
-        ticket = self._take_ticket(f"pre-empted by {movement}")
-        with self._moving:
-            try:
-                if action is Action.STOP:
-                    return Outcome(movement, True)
-                return self._move(_Request(movement, action, settings, ticket, caller_gone))
-            finally:
-                self._send(STANDSTILL)
-
-    def drive(self, movement: Drive, caller_gone: Callable[[], bool], timeout_s: float = math.inf) -> Outcome:
-        """Execute a movement with parameters, leg by leg.
-
-        Args:
-            movement: the movement.
-            caller_gone: see `carry_out`.
             timeout_s: longest duration, if it is shorter than `longest_duration_s`.
         """
-        name = movement_to_json(movement)["kind"]
-        timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
-        ticket = self._take_ticket(f"pre-empted by {name}")
+        holds = holds_heading(movement)
+        if not holds:
+            timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
+        ticket = self._take_ticket(f"pre-empted by another movement: {movement_text(movement)}")
         with self._moving:
             began_s = self._now_s()
 
-            def is_over() -> bool:
-                if self._now_s() - began_s > timeout_s:
-                    raise _OverdueError
-                return caller_gone()
+            def end() -> MotionResult | None:
+                if ended := self._end_of(ticket):
+                    return ended
+                if (lasted_s := self._now_s() - began_s) > timeout_s:
+                    return _failed(f"not done after {lasted_s:.1f} s")
+                return _failed("the caller has disconnected") if caller_gone() else None
 
-            corrections = 0
             try:
-                self.forget_heading()
-                plan: LegPlan | None = None
-                while True:
-                    with self._lock:
-                        latest = self._tracker.latest
-                        pose = None if latest is None else self._rest.mean(latest.pose)
-                    if pose is None:
-                        return Outcome(name, False, "no odometry: check the driver of the base", sensor_lost=True)
-                    plan = plan or LegPlan(movement, pose)
-                    leg = plan.next(pose)
-                    if leg is None:
-                        return Outcome(name, not plan.failure, plan.failure, corrections, self._now_s() - began_s)
-                    settings = leg.settings(self._settings)
-                    outcome = self._move(_Request(name, leg.action, settings, ticket, is_over, leg))
-                    corrections += outcome.corrections
-                    if not outcome.answer:
-                        return replace(outcome, corrections=corrections, duration_s=self._now_s() - began_s)
-            except _OverdueError:
-                reason = f"not done after {self._now_s() - began_s:.1f} s"
-                return Outcome(name, False, reason, corrections, self._now_s() - began_s)
+                if not holds:
+                    self.forget_heading()
+                result = MotionResult(completed=True) if movement == STOP else self._drive(movement, end)
+                return replace(result, duration_s=self._now_s() - began_s)
             finally:
-                self.forget_heading()
+                if not holds:
+                    self.forget_heading()
                 self._send(STANDSTILL)
+
+    def _drive(self, movement: Drive, end: Callable[[], MotionResult | None]) -> MotionResult:
+        """Execute the legs of a movement; `end` returns its result if it has to end at once."""
+        plan: LegPlan | None = None
+        corrections = 0
+        while True:
+            with self._lock:
+                latest = self._tracker.latest
+                pose = None if latest is None else self._rest.mean(latest.pose)
+            if pose is None:
+                return _failed("no odometry: check the driver of the base", sensor_lost=True)
+            plan = plan or LegPlan(movement, pose)
+            leg = plan.next(pose)
+            if leg is None:
+                return MotionResult(not plan.failure, failure=plan.failure, corrections=corrections)
+            result = self._move(leg, end)
+            corrections += result.corrections
+            if not result.completed:
+                return replace(result, corrections=corrections)
 
     def _take_ticket(self, reason: str) -> int:
         with self._lock:
@@ -234,33 +187,30 @@ class DiscreteMover:
             self._ticket_of = reason
             return self._ticket
 
-    def _move(self, request: _Request) -> Outcome:
-        movement, action, settings = request.movement, request.action, request.settings
+    def _move(self, leg: Leg, end: Callable[[], MotionResult | None]) -> MotionResult:
+        """Execute one leg."""
+        settings = leg.settings(self._settings)
         with self._lock:
             self._senses.begin()
             reading = self._tracker.latest
             silent_s = self._monotonic_s() - self._odometry_seen_s
-            hazard = self._senses.forbidden(action)
+            hazard = self._senses.forbidden(backs_off=leg.backs_off)
         if reading is None or silent_s > settings.odometry_timeout_s:
             what = "no odometry" if reading is None else f"no odometry for {silent_s:.1f} s"
-            return Outcome(movement, False, f"{what}: check the driver of the base", sensor_lost=True)
+            return _failed(f"{what}: check the driver of the base", sensor_lost=True)
         if hazard:
-            return Outcome(movement, False, hazard)
-        start = self._await_start(request)
-        if isinstance(start, Outcome):
+            return _failed(hazard)
+        start = self._await_start(leg, settings, end)
+        if isinstance(start, MotionResult):
             return start
         with self._lock:
-            held_rad = self._held.start_rad(start.pose.heading_rad, start.error(turns=True))
-            start_error = self._held.error_rad if action.turns else start.error(turns=False)
-        target_rad = heading_after(action, held_rad, settings)
+            self._held.begin(start.error(turns=True))
+            held_rad = self._held.start_rad(start.pose.heading_rad) if leg.holds_heading else start.pose.heading_rad
+            start_error = self._held.error_rad if leg.turns else start.error(turns=False)
+        end_rad = leg.end_rad(held_rad)
         settings = settings.model_copy(update={"settle_s": max(settings.settle_s, self._settling_s())})
-        controller: Controller
         response = self._response.response
-        if request.leg is not None:
-            target_rad = request.leg.target_heading_rad
-            controller = request.leg.controller(start.pose, settings, start.noise, start_error, response)
-        else:
-            controller = MotionController(action, start.pose, target_rad, settings, start.noise, start_error, response)
+        controller = controller_of(leg, start.pose, end_rad, settings, start.noise, start_error, response)
         sensor_lost, ended_by_itself = False, False
         with self._lock:
             self._rest.moves()
@@ -275,9 +225,9 @@ class DiscreteMover:
             last_s = now_s
             with self._lock:
                 reading = self._tracker.latest or reading
-            if failed := self._failure(request):
-                sensor_lost = failed.sensor_lost
-                controller.abort(failed.reason)
+            if ended := end():
+                sensor_lost = ended.sensor_lost
+                controller.abort(ended.failure)
                 break
             command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
             commands.append((now_s, command))
@@ -286,65 +236,62 @@ class DiscreteMover:
         else:
             ended_by_itself = not controller.sensor_lost
         self._send(STANDSTILL)
-        self._learn(controller, start.pose, commands, ended_by_itself=ended_by_itself)
         with self._lock:
+            driven, self._driven = self._driven or [], None
             if controller.done:
-                self._held.keep(target_rad)
+                self._held.keep(end_rad)
             else:
                 self._held.forget()
             self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
-        lost = sensor_lost or controller.sensor_lost
-        return Outcome(
-            movement, controller.done, controller.failure, controller.corrections, controller.duration_s, lost
+        if isinstance(controller, MotionController) and ended_by_itself:
+            self._response.add(controller.slowest, start.pose, commands, driven, turns=leg.turns)
+        return MotionResult(
+            controller.done,
+            failure=controller.failure,
+            corrections=controller.corrections,
+            sensor_lost=sensor_lost or controller.sensor_lost,
         )
 
-    def _learn(
-        self, controller: Controller, start: Pose, commands: list[tuple[float, Command]], *, ended_by_itself: bool
-    ) -> None:
-        """Measure the response of the base from a movement that ended by itself."""
-        with self._lock:
-            driven, self._driven = self._driven or [], None
-        if isinstance(controller, MotionController) and ended_by_itself:
-            self._response.add(controller.action, controller.slowest, start, commands, driven)
-
-    def _await_start(self, request: _Request) -> Start | Outcome:
-        """Return the start of the movement, after the readings at rest that a noisy base needs."""
-        action, settings = request.action, request.settings
-        tolerance, turns = settings.tolerance(action), action.turns
+    def _await_start(
+        self, leg: Leg, settings: MotionSettings, end: Callable[[], MotionResult | None]
+    ) -> Start | MotionResult:
+        """Return the start of a leg, after the readings at rest that a noisy base needs; or why it has to end."""
+        tolerance = settings.tolerance(turns=leg.turns)
         give_up_s = self._now_s() + _LONGEST_START_S
         while True:
             now_s = self._now_s()
-            if failed := self._failure(request):
-                return failed
+            if ended := end():
+                return ended
             with self._lock:
                 holds = self._held.is_known
                 latest = self._tracker.latest
                 rate_hz = 1 / statistics.median(self._periods_s) if self._periods_s else 1.0
-                assert latest is not None  # noqa: S101  # checked before the movement
+                assert latest is not None  # noqa: S101  # checked before the leg
                 start = self._rest.start(
-                    latest.pose, tolerance, turns=turns, holds_heading=holds, final=now_s >= give_up_s
+                    latest.pose, tolerance, turns=leg.turns, holds_heading=holds, final=now_s >= give_up_s
                 )
             if start is not None:
                 break
             self._sleep_until(now_s + settings.control_period_s)
-        noise = start.noise.along(turns=turns)
+        noise = start.noise.along(turns=leg.turns)
         if not is_quiet(noise, tolerance) and too_noisy(noise, tolerance, settings.aim_share, rate_hz):
-            return Outcome(request.movement, False, noise_words(noise, tolerance, turns=turns))
+            return _failed(noise_words(noise, tolerance, turns=leg.turns))
         return start
 
-    def _failure(self, request: _Request) -> Outcome | None:
-        """Return the outcome of the running movement if it has to end, or None."""
-        movement, timeout_s = request.movement, request.settings.odometry_timeout_s
+    def _end_of(self, ticket: int) -> MotionResult | None:
+        """Return the result of the running movement if the base or another movement ends it, or None."""
         with self._lock:
             silent_s = self._monotonic_s() - self._odometry_seen_s
-            failed = self._senses.failure(movement, silent_s=silent_s, timeout_s=timeout_s)
-            preempted = self._ticket_of if self._ticket != request.ticket else ""
-        if failed or preempted:
-            return failed or Outcome(movement, False, preempted)
-        return Outcome(movement, False, "the caller has disconnected") if request.caller_gone() else None
+            failure, sensor_lost = self._senses.failure(silent_s, self._settings.odometry_timeout_s)
+            preempted = self._ticket_of if self._ticket != ticket else ""
+        return _failed(failure or preempted, sensor_lost=sensor_lost) if failure or preempted else None
 
     def _settling_s(self) -> float:
         """Return the settling time for the measured period of the odometry."""
         with self._lock:
             period_s = statistics.median(self._periods_s) if self._periods_s else 0.0
         return min(max(_SETTLING_READINGS * period_s, 0.0), _LONGEST_SETTLING_S)
+
+
+def _failed(reason: str, *, sensor_lost: bool = False) -> MotionResult:
+    return MotionResult(completed=False, failure=reason, sensor_lost=sensor_lost)
