@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.baselines.goal_views import ViewCriteria, target_poses, target_view_points
-from vsnbench.models.baselines.lattice_planner import Clearance, LatticePlanner
+from vsnbench.models.baselines.lattice_planner import LatticePlanner, NeededSpace
 from vsnbench.models.baselines.oracle import OracleSettings
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -36,7 +36,7 @@ class Lattice:
         self.space = space
         self.turn_rad = math.radians(rules.turn_deg)
         self.forward_m = rules.forward_m
-        clearance = Clearance(space.robot_radius_m, _SPARE_M, guard.distance_m + 0.02, guard.margin_m + 0.01)
+        clearance = NeededSpace(space.robot_radius_m, _SPARE_M, guard.distance_m + 0.02, guard.margin_m + 0.01)
         self.planner = LatticePlanner(space, base_heading_rad, rules.forward_m, self.turn_rad, clearance)
         self.may_move = self.planner.allowed_moves
         self.move_ticks = np.rint(TICKS * (1.0 + self.planner.extra_cost)).astype(np.int64)

@@ -110,7 +110,11 @@ def test_the_csv_has_a_line_a_step(lab: Lab, tmp_path: Path) -> None:
     engine = lab.engine()
     assert write_steps(read_episodes(engine), lambda one: episode_steps(engine, one.id), tmp_path / "s.csv") == 3
     rows = list(csv.DictReader((tmp_path / "s.csv").open()))
-    assert [row["blocked"] for row in rows] == ["False", "True", "False"]
+    assert [(row["blocked"], row["refusal"], row["failure"]) for row in rows] == [
+        ("False", "", ""),
+        ("True", "", ""),
+        ("False", "", ""),
+    ]
     assert float(rows[0]["world_x_m"]) == 1.25
 
 

@@ -10,7 +10,7 @@ from vsnbench.values.step import StepRecord
 
 COLUMNS = (
     *("episode", "model", "robot", "environment", "site", "goal", "start", "repetition", "end_reason", "success"),
-    *("counts", "step", "raw_action", "action", "blocked", "recorded_at", "stamp_s"),
+    *("counts", "step", "raw_action", "action", "blocked", "refusal", "failure", "recorded_at", "stamp_s"),
     *("odometry_x_m", "odometry_y_m", "odometry_heading_rad", "world_x_m", "world_y_m", "world_heading_rad"),
 )
 
@@ -42,7 +42,8 @@ def write_steps(
                     for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
                 ]
                 recorded_at = step.recorded_at.isoformat() if step.recorded_at else ""
-                action = (step.number, step.raw_action, step.action, step.blocked, recorded_at)
-                writer.writerow((*about, *action, "" if step.stamp_s is None else step.stamp_s, *poses))
+                failure = step.result.failure if step.result else ""
+                action = (step.number, step.raw_action, step.action, step.blocked, step.refusal, failure)
+                writer.writerow((*about, *action, recorded_at, "" if step.stamp_s is None else step.stamp_s, *poses))
                 written += 1
     return written

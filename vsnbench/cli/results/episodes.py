@@ -260,6 +260,7 @@ def _step_object(step: "StepRecord") -> dict[str, object]:
         "action": step.action,
         "blocked": step.blocked,
         "completed": result.completed,
+        "refusal": step.refusal,
         "failure": result.failure,
         "recorded_at": step.recorded_at,
         "stamp_s": step.stamp_s,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.map_regions import frontier_away_from
-from vsnbench.models.vlv.move import Mode, Move
+from vsnbench.models.vlv.move import Mode, SearchStep
 from vsnbench.models.vlv.planner import Planner, Point
 from vsnbench.models.vlv.policy import ModularPolicy
 from vsnbench.models.vlv.search import Search
@@ -58,7 +58,7 @@ class FrontierSearch(Search):
         self._tries: Counter[tuple[int, int]] = Counter()
         self._given_up: list[Point] = []
 
-    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         """Drive to the nearest frontier; look around if none can be reached."""
         if self._turns_left is None and self._scans == 0:
             return self._begin_scan()
@@ -77,4 +77,4 @@ class FrontierSearch(Search):
             self._tries[key] += 1
             if self._tries[key] >= _MAX_TRIES:
                 self._given_up.append(end)
-        return Move(move.action, Mode.TRAVEL, "to the nearest frontier", end, move.path)
+        return SearchStep(move.action, Mode.TRAVEL, "to the nearest frontier", end, move.path)

@@ -19,7 +19,7 @@ _MAX_EXPANSIONS = 200_000
 
 
 @dataclass(frozen=True, slots=True)
-class Clearance:
+class NeededSpace:
     """Free space that a forward move needs, in metres: the limits of the depth guard with a reserve."""
 
     robot_radius_m: float
@@ -30,9 +30,9 @@ class Clearance:
     side_m: float
     """Width added to the radius on both sides of that free distance."""
 
-    def eased(self, by_m: float) -> "Clearance":
+    def eased(self, by_m: float) -> "NeededSpace":
         """Return the same clearance with every reserve smaller by `by_m`."""
-        return Clearance(
+        return NeededSpace(
             self.robot_radius_m, max(self.spare_m - by_m, 0.0), self.ahead_m - by_m, max(self.side_m - by_m, 0.0)
         )
 
@@ -44,7 +44,7 @@ class LatticePlanner:
     """
 
     def __init__(
-        self, space: FreeSpace, base_heading_rad: float, forward_m: float, turn_rad: float, clearance: Clearance
+        self, space: FreeSpace, base_heading_rad: float, forward_m: float, turn_rad: float, clearance: NeededSpace
     ) -> None:
         """Prepare one map of allowed forward moves for each heading.
 
@@ -174,7 +174,7 @@ def _actions_to(index: int, parents: list[tuple[int, Action]]) -> tuple[Action, 
     return tuple(reversed(actions))
 
 
-def _swath(heading_rad: float, forward_m: float, clearance: Clearance) -> npt.NDArray[np.uint8]:
+def _swath(heading_rad: float, forward_m: float, clearance: NeededSpace) -> npt.NDArray[np.uint8]:
     """Return the cells around the robot (at the centre) that must be free for a move along `heading_rad`."""
     slack = RESOLUTION_M * 0.71  # the robot can be anywhere in its cell
     body = clearance.robot_radius_m + clearance.spare_m + slack

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from vsnbench.errors import ModelError
 from vsnbench.models.baselines.goal_views import ViewCriteria, ViewPoints, target_poses, view_points
-from vsnbench.models.baselines.lattice_planner import Clearance, LatticePlanner
+from vsnbench.models.baselines.lattice_planner import LatticePlanner, NeededSpace
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.free_space import BoolGrid, FreeSpace, free_space
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -144,7 +144,7 @@ class Oracle(Policy):
         )
         refusals = (self._refused, []) if self._refused else ([],)
         for refused, (spare_m, half_view_rad, criteria) in itertools.product(refusals, preferences):
-            clearance = Clearance(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
+            clearance = NeededSpace(self._robot_radius_m, spare_m, guard.distance_m + 0.02, guard.margin_m + 0.01)
             planner = LatticePlanner(space, here.heading_rad, parameters.forward_m, turn_rad, clearance)
             for pose in refused:
                 planner.forbid(pose)

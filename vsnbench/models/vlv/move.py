@@ -18,7 +18,7 @@ class Mode(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Move:
+class SearchStep:
     """An action and the reason for it."""
 
     action: Action

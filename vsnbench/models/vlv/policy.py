@@ -16,7 +16,7 @@ from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
-from vsnbench.models.vlv.move import Move
+from vsnbench.models.vlv.move import SearchStep
 from vsnbench.models.vlv.planner import Planner
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
@@ -110,7 +110,9 @@ class ModularPolicy(Policy):
         move = self._search.step(observation, goals, value)
         return Decision(move.action, diagnostics=self._diagnostics(self._search, move, detections, value))
 
-    def _diagnostics(self, search: Search, move: Move, detections: tuple[Detection, ...], value: float) -> Diagnostics:
+    def _diagnostics(
+        self, search: Search, move: SearchStep, detections: tuple[Detection, ...], value: float
+    ) -> Diagnostics:
         return Diagnostics(
             boxes=tuple(Box(*item.box, GOAL_OF_CLASS.get(item.label, item.label), item.score) for item in detections),
             map=search.map.grid_map(),

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
 from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
 from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight
-from vsnbench.models.vlv.move import Mode, Move
+from vsnbench.models.vlv.move import Mode, SearchStep
 from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of, value_at
 from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
@@ -56,7 +56,7 @@ class Search:
         self._target: Candidate | None = None
         self._budget = 0
 
-    def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Move:
+    def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> SearchStep:
         """Return the next action.
 
         Detections are those of the goal's class above the threshold, best first. The value is that of the view; 0
@@ -72,7 +72,7 @@ class Search:
         self._remember(sightings, observation)
         reason = self._reason_to_stop(sightings, pose)
         if reason:
-            return Move(Action.STOP, Mode.STOP, reason)
+            return SearchStep(Action.STOP, Mode.STOP, reason)
         self.graph.visit(pose.position)
         if self._turns_left is not None:
             confidence = max((detection.score for detection in detections), default=0.0)
@@ -132,7 +132,7 @@ class Search:
 
     # Decisions
 
-    def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         believed = self.memory.believed
         may_seek = self._turns_left in (None, 0) or self.settings.scan_ends_on_goal
         if believed and self.settings.seek_on_sight and may_seek:
@@ -143,7 +143,7 @@ class Search:
                 return move
         return self._look_for_goal(observation, depth_m)
 
-    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         """Return the next action while the goal's place is unknown."""
         if self._turns_left is None and self._target is None:
             return self._begin_scan()
@@ -153,19 +153,19 @@ class Search:
             self._finish_scan(observation.pose)
         return self._travel(observation, depth_m)
 
-    def _begin_scan(self) -> Move:
+    def _begin_scan(self) -> SearchStep:
         self._views = []
         self._scans += 1
         self._turns_left = self.settings.scan_turns
         return self._scan_turn()
 
-    def _scan_turn(self) -> Move:
+    def _scan_turn(self) -> SearchStep:
         turns_left = self._turns_left or 0
         self._turns_left = turns_left - 1
         right = self.settings.scan_direction is ScanDirection.ALTERNATE and self._scans % 2 == 0
         done = self.settings.scan_turns - turns_left + 1
         note = f"scan, turn {done} of {self.settings.scan_turns}"
-        return Move(Action.TURN_RIGHT if right else Action.TURN_LEFT, Mode.SCAN, note)
+        return SearchStep(Action.TURN_RIGHT if right else Action.TURN_LEFT, Mode.SCAN, note)
 
     def _finish_scan(self, pose: Pose) -> None:
         """Convert the views to candidates and choose a target."""
@@ -204,7 +204,7 @@ class Search:
             self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
         )
 
-    def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         """Drive to the target, or to another one if that fails; scan if there is none."""
         pose = observation.pose
         for _ in range(1 + len(self.graph.open_candidates)):
@@ -218,11 +218,13 @@ class Search:
             move = self._towards(disk(self.map, target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
             if move is not None:
                 reason = f"to a view of node {target.node}, score {target.score:.2f}"
-                return Move(move.action, Mode.TRAVEL, f"{reason}, {self._budget} actions left", target.point, move.path)
+                return SearchStep(
+                    move.action, Mode.TRAVEL, f"{reason}, {self._budget} actions left", target.point, move.path
+                )
             self._choose(pose)
         return self._explore(observation, depth_m)
 
-    def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         """Without candidates, drive to the nearest frontier that has not been visited."""
         pose = observation.pose
         frontier = frontier_away_from(self.map, self.graph.visited, self.settings.visited_radius_m)
@@ -232,10 +234,14 @@ class Search:
                 end = move.path[-1]
                 self._target = Candidate(end, len(self.graph.nodes) - 1, View(pose.heading_rad, 0.0, 0.0), 0.0)
                 self._set_budget(math.dist(end, pose.position))
-                return Move(move.action, Mode.TRAVEL, "no candidates left: to the nearest frontier", end, move.path)
+                return SearchStep(
+                    move.action, Mode.TRAVEL, "no candidates left: to the nearest frontier", end, move.path
+                )
         return self._begin_scan()
 
-    def _seek(self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move | None:
+    def _seek(
+        self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]
+    ) -> SearchStep | None:
         """Approach the nearest place where the goal was seen, and observe it from there."""
         pose = observation.pose
         reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
@@ -255,9 +261,9 @@ class Search:
         if move is None:
             return None
         note = f"to the goal: {nearest.observations} observations, {nearest.misses} misses"
-        return Move(move.action, Mode.SEEK, note, nearest.centre, move.path)
+        return SearchStep(move.action, Mode.SEEK, note, nearest.centre, move.path)
 
-    def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Move:
+    def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
         """Turn to the nearby goal and keep it in view."""
         pose = observation.pose
         points = place.points
@@ -272,12 +278,12 @@ class Search:
             terrain = self._planner.terrain(self.map, pose, 0.0)
             ahead = pose.compose(Pose(self.settings.forward_m, 0.0)).position
             if terrain.is_open(*ahead) and terrain.sees(pose.position, ahead):
-                return Move(Action.MOVE_FORWARD, Mode.SEEK, note, place.centre)
-        return Move(Action.TURN_LEFT if bearing > 0 else Action.TURN_RIGHT, Mode.SEEK, note, place.centre)
+                return SearchStep(Action.MOVE_FORWARD, Mode.SEEK, note, place.centre)
+        return SearchStep(Action.TURN_LEFT if bearing > 0 else Action.TURN_RIGHT, Mode.SEEK, note, place.centre)
 
     def _towards(
         self, targets: BoolGrid, observation: Observation, depth_m: npt.NDArray[np.float32], mode: Mode
-    ) -> Move | None:
+    ) -> SearchStep | None:
         """Return the next action towards some cells, with the largest clearance that leaves a path."""
         pose = observation.pose
         refused = False
@@ -298,7 +304,7 @@ class Search:
                         self.map.mark_obstacle(*point, pose)
                     refused = True
                     continue
-            return Move(action, mode, "", path=path_of(route, pose))
+            return SearchStep(action, mode, "", path=path_of(route, pose))
         return None
 
     def details(self) -> dict[str, Any]:
