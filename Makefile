@@ -9,6 +9,9 @@ export PYTHONDONTWRITEBYTECODE :=
 # A file stays in one process. tests/conftest.py puts the longest files first, which xdist keeps with the second option.
 SPREAD := --dist loadfile --no-loadscope-reorder
 
+# Most of these tests wait a third of their time for processes and browsers: one more than two cores keeps the cores busy.
+WAITING ?= 3
+
 # Tests on live graphs and in browsers can fail on a busy machine: two reruns, which the summary lists. RERUN= repeats none.
 RERUN ?= --reruns 2 -r R
 
@@ -44,7 +47,7 @@ test-robots: setup-test
 
 # "+" keeps the progress on the screen; MAKEFLAGS would reach the commands that tests start.
 test-others: setup-test
-	+MAKEFLAGS= nice -n 10 $(BIN)/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "not ros and not ros2 and not long"
+	+MAKEFLAGS= nice -n 10 $(BIN)/python -m pytest -n $(WAITING) $(SPREAD) $(RERUN) -m "not ros and not ros2 and not long"
 
 test-ros1: setup-test ## Run the tests that need ROS 1.
 	$(BIN)/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "ros and not long"
@@ -52,8 +55,8 @@ test-ros1: setup-test ## Run the tests that need ROS 1.
 test-ros2: setup-test ## Run the tests that need ROS 2.
 	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) $(RERUN) -m "ros2 and not long" tests/ros/ros2
 
-test-long: setup-test ## Run the long tests, which make test leaves out.
-	$(BIN)/python -m pytest -n 2 $(SPREAD) -m "long and not ros2"
+test-long: setup-test fuzz ## Run the long tests, which make test leaves out, and fuzz every loader.
+	$(BIN)/python -m pytest -n $(WAITING) $(SPREAD) -m "long and not ros2"
 	scripts/install_ros2.sh long
 	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros/ros2
 
@@ -72,6 +75,7 @@ test-quick: setup-test
 
 fuzz: setup-test ## Feed FUZZ_COUNT invalid inputs, drawn from FUZZ_SEED, to every loader.
 	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)
+	VSNBENCH_FUZZ_SEED=$(FUZZ_SEED) VSNBENCH_FUZZ_FRAMES=$(FUZZ_COUNT) $(BIN)/python -m pytest -n 2 tests/models/remote/test_fuzz.py
 
 fmt: setup-test ## Format the code and apply automatic fixes.
 	$(BIN)/ruff check --fix .

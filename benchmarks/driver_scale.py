@@ -23,13 +23,11 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner
+from vsnbench.runner.executors.collecting import MergingPool, TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
-from vsnbench.runner.executors.pool import PoolExecutor
-from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import Session, TrialReturned
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
-from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec, open_trial_setup
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import load_site
@@ -61,7 +59,7 @@ class Sleepers(TaskRunner):
         heapq.heappush(self._free_at, wakes_s)
         heapq.heappush(self._asleep, (wakes_s, trial.id, trial))
 
-    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TrialReturned]:
         wait_s = min(timeout_s, self._asleep[0][0] - time.monotonic()) if self._asleep else timeout_s
         if wait_s > 0:
             self.waited_s += wait_s
@@ -101,12 +99,17 @@ def main() -> None:
         campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
         sleepers = Sleepers(described, bundle, asked.workers, asked.episode_s)
         with Journal.open(results.database_url) as journal, StopRequests() as stop, MergingPool(sleepers) as pool:
-            opened, operator = journal.find_or_create_campaign(campaign), AbsentOperator()
-            context = SessionContext(journal, operator, stop, site, parameters, RecordingOptions(results))
+            session = Session(
+                journal=journal,
+                robots=pool,
+                recording=RecordingOptions(results),
+                site=site,
+                parameters=parameters,
+                stop_requests=stop,
+            )
             began_s, busy_s = time.perf_counter(), time.process_time()
-            source = CampaignSource(journal, opened)
-            run(source, PoolExecutor(context, opened, pool), operator)
-            result = SessionResult.of(source.rules, journal.campaign_progress(opened), "")
+            source = CampaignSource(session, journal.find_or_create_campaign(campaign))
+            result = source.result(run(source, session))
             taken_s, busy_s = time.perf_counter() - began_s, time.process_time() - busy_s
     rate = result.episodes / taken_s
     offered = asked.workers / asked.episode_s

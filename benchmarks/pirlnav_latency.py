@@ -60,7 +60,7 @@ def median_ms(action: Callable[[], object], times: int) -> float:
 
 def engines_ms(weights: Path, times: int) -> dict[str, float | str]:
     checkpoint = read_checkpoint(weights)
-    eager = choose_engine(checkpoint, PIRLNavSettings(runtime=Runtime.TORCH), "cpu").engine
+    eager = choose_engine(checkpoint, PIRLNavSettings(runtime="torch"), "cpu").engine
     default = choose_engine(checkpoint, PIRLNavSettings(), "cpu")
     steps = synthetic_steps(checkpoint.architecture)
     for step in steps:
@@ -87,7 +87,7 @@ def engines_ms(weights: Path, times: int) -> dict[str, float | str]:
 def together_ms(weights: Path, times: int) -> dict[str, float | str]:
     """Return processor milliseconds per observation in batches of 1, 4 and 8: eager PyTorch, one thread."""
     torch.set_num_threads(1)
-    engine = choose_engine(read_checkpoint(weights), PIRLNavSettings(runtime=Runtime.TORCH), "cpu").engine
+    engine = choose_engine(read_checkpoint(weights), PIRLNavSettings(runtime="torch"), "cpu").engine
     steps = synthetic_steps(read_checkpoint(weights).architecture)[:1] * 8
     spent: dict[int, list[float]] = {1: [], 4: [], 8: []}
     for _ in range(times):
@@ -101,7 +101,7 @@ def together_ms(weights: Path, times: int) -> dict[str, float | str]:
 
 def policy_share_ms(small: Path, times: int) -> dict[str, float]:
     """Time `act` on a camera image with an engine that returns immediately; preprocessing is its largest part."""
-    policy = PIRLNav(small, PIRLNavSettings(runtime=Runtime.TORCH), "cpu")
+    policy = PIRLNav(small, PIRLNavSettings(runtime="torch"), "cpu")
     policy.chosen = replace(policy.chosen, engine=Instant())
     rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8)
     observation = Observation(rgb, None, Pose(0.5, 0.25, 1.0), 0.0, CAMERA)
@@ -155,7 +155,7 @@ def main() -> None:
         }
         torch.set_num_threads(1)
         report["memory_growth_mib_over_10000_steps"] = {
-            runtime.value: memory_growth_mib(tiny, runtime) for runtime in (Runtime.TORCH, Runtime.ONNXRUNTIME)
+            runtime: memory_growth_mib(tiny, runtime) for runtime in ("torch", "onnxruntime")
         }
     print(json.dumps(report, indent=2))
 

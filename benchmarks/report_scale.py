@@ -29,11 +29,12 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import upgrade
 from vsnbench.results.schema.tables import Base
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.sites.site import load_site
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.robot_identity import RobotIdentity
 
 MODELS = ("oracle", "random", "vlv", "pirlnav")
@@ -55,7 +56,7 @@ def make_record(directory: Path, episodes: int) -> None:
                     CampaignPlan(
                         site=site,
                         robot=RobotIdentity(profile, "simulated" if simulated else "ros1", simulated),
-                        model=ModelIdentity(model),
+                        model=ModelCard(model),
                         protocol=ProtocolParameters(),
                         seed=0,
                         trials=[

@@ -20,7 +20,7 @@ from pathlib import Path
 from vsnbench.models.baselines.random_walk import RandomWalk
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, trial_seed
+from vsnbench.results.writing.campaigns import CampaignPlan, trial_seed
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
@@ -29,10 +29,10 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import look_ahead
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
 from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Upcoming
 from vsnbench.runner.setup.selection import plan_trials
 from vsnbench.runner.stopping.requests import StopRequests
@@ -40,6 +40,7 @@ from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -125,7 +126,7 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
     plan = CampaignPlan(
         site=site,
         robot=robot.identity,
-        model=ModelIdentity("wanderer"),
+        model=ModelCard("wanderer"),
         protocol=PARAMETERS,
         seed=0,
         trials=plan_trials(["chair"], [START], episodes),
@@ -135,10 +136,17 @@ def drive_recorded(robot: Robot, site: Site, episodes: int, directory: Path, kep
         viewer = RerunEpisodes(live=False) if kept is KeepFiles.ALL else None
         recording = RecordingOptions(results, viewer, keep=kept)
         began = time.perf_counter()
-        operator = Counting(tally)
-        context = SessionContext(journal, operator, stop, site, PARAMETERS, recording)
-        executor = InProcessExecutor(context, robot, SingleModel(DrivingModel(Wanderer(), "wanderer")))
-        run(CampaignSource(journal, campaign), executor, operator)
+        model = DrivingModel(Wanderer(), "wanderer")
+        session = Session(
+            journal=journal,
+            robots=InProcessExecutor(robot, lambda _trial: model),
+            recording=recording,
+            site=site,
+            parameters=PARAMETERS,
+            stop_requests=stop,
+            operator=Counting(tally),
+        )
+        run(CampaignSource(session, campaign), session)
         tally.seconds = time.perf_counter() - began
     return tally
 

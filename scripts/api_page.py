@@ -31,6 +31,7 @@ The sections below describe them in the modules that define them. Import them fr
 PARTS = {
     "For a model": [
         "vsnbench.models.contract",
+        "vsnbench.values.model.card",
         "vsnbench.values.observation",
         "vsnbench.values.decision",
         "vsnbench.values.action",
@@ -131,7 +132,8 @@ def _fields(node: ast.ClassDef) -> list[tuple[str, str]]:
     found = []
     for statement, after in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-            text, name = f"{statement.target.id}: {ast.unparse(statement.annotation)}", statement.target.id
+            name = statement.target.id
+            text = f"{name}: {ast.unparse(_Plain().visit(statement.annotation))}"
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
             text = name = statement.targets[0].id
         else:
@@ -144,6 +146,15 @@ def _fields(node: ast.ClassDef) -> list[tuple[str, str]]:
         )
         found.append((text, " ".join(meaning.split())))
     return found
+
+
+class _Plain(ast.NodeTransformer):
+    """Replaces `Annotated[X, ...]` by X."""
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        if isinstance(node.value, ast.Name) and node.value.id == "Annotated" and isinstance(node.slice, ast.Tuple):
+            return self.visit(node.slice.elts[0])
+        return self.generic_visit(node)
 
 
 def _described(statement: ast.AnnAssign | ast.Assign) -> str:

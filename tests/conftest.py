@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.long_tests import LONG
+
 HERE = Path(__file__).parent
 
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -20,7 +22,6 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
     {
-        "evidence/bundle/test_make.py",
         "cli/evidence/test_verify.py",
         "cli/judging/test_judge.py",
         "cli/judging/test_second_judge.py",
@@ -45,16 +46,23 @@ SLOW = frozenset(
         "cli/test_record_verbs.py",
         "cli/test_sites.py",
         "cli/test_sweep.py",
+        "evidence/bundle/test_make.py",
+        "evidence/verification/test_hostile_records.py",
+        "evidence/verification/test_older_records.py",
+        "evidence/verification/test_verify.py",
         "examples/test_adapters.py",
+        "examples/test_examples.py",
         "examples/test_frontier.py",
         "examples/test_node_policy.py",
         "examples/test_point_robot.py",
         "files/test_disk_cache.py",
+        "golden/test_golden.py",
         "interop/lerobot/test_dataset.py",
         "interop/test_killed_merge.py",
         "interop/test_mcap_file.py",
         "interop/test_merge.py",
         "interop/test_merge_files.py",
+        "interop/test_ros_map.py",
         "localization/test_differences.py",
         "localization/test_matching.py",
         "models/baselines/test_oracle.py",
@@ -87,6 +95,8 @@ SLOW = frozenset(
         "report/test_figures.py",
         "report/test_forms.py",
         "report/test_page.py",
+        "results/merging/test_studies.py",
+        "results/reading/test_queries.py",
         "results/schema/test_guard.py",
         "results/schema/test_migrate.py",
         "results/studies/test_log.py",
@@ -96,21 +106,25 @@ SLOW = frozenset(
         "ros/ros1/test_installation.py",
         "runner/disturbances/test_policy_view.py",
         "runner/episode/test_bad_answers.py",
+        "runner/episode/test_interrupted_motion.py",
         "runner/executors/test_collecting.py",
         "runner/executors/test_local_pool.py",
         "runner/executors/test_served_workers.py",
         "runner/judging/test_faces.py",
         "runner/setup/test_trial_setup.py",
+        "runner/stopping/test_requests.py",
         "runner/study/test_integrity.py",
         "runtime/test_numba_cache.py",
+        "sensing/test_difficult_bases.py",
+        "sensing/test_mover.py",
         "simulator/generated_sites/test_generate.py",
+        "simulator/rendering/test_renderer.py",
         "site_checks/test_check.py",
         "site_checks/test_mistakes.py",
+        "statistics/test_agreement.py",
         "statistics/test_power_independent.py",
         "test_releases.py",
-        "evidence/verification/test_hostile_records.py",
-        "evidence/verification/test_older_records.py",
-        "evidence/verification/test_verify.py",
+        "text/test_log_output.py",
         "viewer/test_pair.py",
         "viewer/test_rebuild.py",
         "web/operator/test_page.py",
@@ -196,19 +210,29 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if excluded & {mark for line in _MARKS_OF_FILE.findall(text) for mark in _MARK.findall(line)}:
         return True
     lane = marks.partition(" ")[0]
-    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text)) or None
+    named = lane == "long" and any(key.partition("::")[0] == _place(collection_path) for key in LONG)
+    return (lane in ("ros", "ros2", "long") and lane not in _MARK.findall(text) and not named) or None
+
+
+def _place(path: Path) -> str:
+    return path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else path.as_posix()
 
 
 def _is_slow(path: Path) -> bool:
-    place = path.relative_to(HERE) if path.is_relative_to(HERE) else path
-    return place.as_posix() in SLOW or place.parts[:1] in {(folder,) for folder in SLOW_FOLDERS}
+    place = _place(path)
+    return place in SLOW or place.partition("/")[0] in SLOW_FOLDERS
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow tests and tests that start a PostgreSQL server, and put the longest files first."""
-    if gone := sorted(name for name in {*SLOW, *LONGEST} if not (HERE / name).is_file()):
-        raise pytest.UsageError(f"tests/conftest.py lists files that do not exist: {', '.join(gone)}")
+    """Mark long and slow tests and tests that start a PostgreSQL server, and put the longest files first."""
+    files = {key.partition("::")[0] for key in LONG}
+    if gone := sorted(name for name in {*SLOW, *LONGEST, *files} if not (HERE / name).is_file()):
+        raise pytest.UsageError(f"tests/conftest.py or long_tests.py lists files that do not exist: {', '.join(gone)}")
     for item in items:
+        place = _place(item.path)
+        test = f"{place}::{getattr(item, 'originalname', item.name)}"
+        if LONG.keys() & {place, test, f"{place}::{item.name}"}:
+            item.add_marker(pytest.mark.long)
         if _is_slow(item.path):
             item.add_marker(pytest.mark.slow)
         chosen = str(getattr(getattr(item, "callspec", None), "params", {}))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vsnbench.models.baselines.goal_views import ViewCriteria, target_poses, target_view_points
 from vsnbench.models.baselines.lattice_planner import LatticePlanner, NeededSpace
-from vsnbench.models.baselines.oracle import OracleSettings
+from vsnbench.models.baselines.oracle import HALF_VIEW_DEG, STOP_WITHIN_M
 from vsnbench.protocol.free_space import RESOLUTION_M, FreeSpace
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runtime.numba_cache import compiled
@@ -98,10 +98,9 @@ class Guide:
 
 def guide_to_instance(lattice: Lattice, instance: SiteObject, eye_height_m: float) -> Guide:
     """Return the paths to where the oracle would stop for one instance of a goal."""
-    settings = OracleSettings()
     target = Target(instance.id, instance.shape, instance)
-    points = target_view_points(lattice.space, target, ViewCriteria(settings.stop_within_m, eye_height_m))
-    return Guide(lattice, target_poses(lattice.space, lattice.planner, points, math.radians(settings.half_view_deg)))
+    points = target_view_points(lattice.space, target, ViewCriteria(STOP_WITHIN_M, eye_height_m))
+    return Guide(lattice, target_poses(lattice.space, lattice.planner, points, math.radians(HALF_VIEW_DEG)))
 
 
 def guide_to_place(lattice: Lattice, row: int, column: int, within_m: float) -> Guide:

@@ -14,7 +14,7 @@ from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
-INDEX: Final = {action: number for number, action in enumerate([action.executed for action in ACTIONS[:4]])}
+INDEX: Final = {action: number for number, action in enumerate(list(ACTIONS.values())[:4])}
 """Actions in demonstrations."""
 _MOVES: Final = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vsnbench.errors import ModelError, NotPlacedError, RobotError, VsnbenchError
-    from vsnbench.models.contract import BatchPolicy, ModelCard, Policy
+    from vsnbench.models.contract import BatchPolicy, Policy
     from vsnbench.models.task import Task
-    from vsnbench.models.trained_camera import TrainedCamera
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.report.frames import Results, open_results
     from vsnbench.robots.contract import Robot
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
     from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
     from vsnbench.values.fix import Fix, PoseSource
     from vsnbench.values.goal import Goal, GoalKind
+    from vsnbench.values.model.card import ModelCard
+    from vsnbench.values.model.trained_camera import TrainedCamera
     from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
     from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
     from vsnbench.values.observation import Budget, Observation, Sensor
@@ -81,7 +82,7 @@ __all__ = [
 
 _NAMES = {
     "vsnbench.errors": ("ModelError", "NotPlacedError", "RobotError", "VsnbenchError"),
-    "vsnbench.models.contract": ("BatchPolicy", "ModelCard", "Policy"),
+    "vsnbench.models.contract": ("BatchPolicy", "Policy"),
     "vsnbench.models.task": ("Task",),
     "vsnbench.protocol.parameters": ("ProtocolParameters",),
     "vsnbench.report.frames": ("Results", "open_results"),
@@ -96,11 +97,12 @@ _NAMES = {
     "vsnbench.values.fix": ("Fix", "PoseSource"),
     "vsnbench.values.goal": ("Goal", "GoalKind"),
     "vsnbench.values.motion_result": ("Collision", "CollisionSource", "MotionResult"),
+    "vsnbench.values.model.card": ("ModelCard",),
+    "vsnbench.values.model.trained_camera": ("TrainedCamera",),
     "vsnbench.values.movement": ("ActionKind", "Chunk", "Move", "Pixel", "Trajectory", "Velocity", "Waypoint"),
     "vsnbench.values.observation": ("Budget", "Observation", "Sensor"),
     "vsnbench.values.pose": ("Pose",),
     "vsnbench.values.robot_identity": ("RobotIdentity", "kind_of_class"),
-    "vsnbench.models.trained_camera": ("TrainedCamera",),
 }
 """Public names by the module that defines them."""
 

@@ -113,14 +113,6 @@ def test_what_is_next_can_be_typed_also_where_the_directory_has_a_space(type_in:
     )
 
 
-@pytest.mark.parametrize("name", ["3x", "class"])
-def test_a_name_that_makes_no_package_is_refused(type_in: Type, tmp_path: Path, name: str) -> None:
-    refused = type_in(tmp_path, "models", "new", f"./{name}")
-    assert refused.code == 2
-    assert "cannot be the name of a Python package" in refused.err
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_a_run_that_watches_runs_again_when_the_model_changes(type_in: Type, tmp_path: Path) -> None:
     type_in(tmp_path, "models", "new", "spinning")
@@ -149,16 +141,6 @@ def until(log: Path, text: str) -> None:
     while text not in log.read_text(errors="replace"):
         assert time.monotonic() < give_up_s, log.read_text(errors="replace")
         time.sleep(0.05)
-
-
-@pytest.mark.parametrize(
-    "words", [("--robot", "turtlebot2"), ("--results", "kept"), ("--model", "oracle"), ("--workers", "ray://head:1")]
-)
-def test_a_run_that_cannot_be_watched_is_refused(type_in: Type, tmp_path: Path, words: tuple[str, ...]) -> None:
-    model = () if "--model" in words else ("--model", "a.b:C")
-    refused = type_in(tmp_path, "run", *model, "--goal", "chair", "--watch", *words)
-    assert refused.code == 2
-    assert "--watch" in refused.err
 
 
 def test_what_a_lab_says_holds_for_every_verb_that_takes_a_site_or_a_robot() -> None:

@@ -73,10 +73,3 @@ def test_the_default_protocol_can_be_configured_and_its_cap_replaced(run: Run, t
     assert "protocol habitat-objectnav" in answer.err
     ((protocol, _),) = recorded(tmp_path / "results")
     assert (protocol["name"], protocol["max_actions"]) == ("habitat-objectnav", 2)
-
-
-def test_a_protocol_that_does_not_exist_is_refused_before_anything_is_written(run: Run) -> None:
-    answer = run(*WORDS, "--protocol", "habitat-objctnav")
-    assert answer.code == 2
-    assert "habitat-objectnav" in answer.err
-    assert not Path("results").exists()

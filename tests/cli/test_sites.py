@@ -107,21 +107,6 @@ def test_draw_writes_the_files_it_names(tmp_path: Path) -> None:
     assert png.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("words", "error", "text"),
-    [
-        (("show", "castle"), UsageError, "site 'castle' does not exist"),
-        (("check", "apartment", "--robot", "roomba"), UsageError, "roomba"),
-        (("draw", "apartment", "-o", "plan.bmp"), UsageError, "plan.bmp"),
-        (("draw", "apartment", "-o", "/no/such/place/plan.png"), UsageError, "cannot write"),
-        (("draw", "apartment", "--goal", "piano"), UsageError, "goal 'piano' is not in site"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_in_one_line(words: tuple[str, ...], error: type, text: str) -> None:
-    with pytest.raises(error, match=text):
-        call(*words)
-
-
 def test_a_broken_file_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "broken.yaml"
     path.write_text("name: broken\nrooms: []\n", encoding="utf-8")

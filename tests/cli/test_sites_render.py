@@ -32,15 +32,3 @@ def test_look_writes_a_picture_and_names_it(
     assert vsnbench(monkeypatch, "sites", "render", str(site_file), "--output", str(picture)) == 0
     assert capsys.readouterr().out.strip() == str(picture)
     assert cv2.imread(str(picture)).std() > 20
-
-
-@pytest.mark.parametrize("name", ["look.gif", "nowhere/look.png"])
-def test_look_refuses_what_it_cannot_write_before_it_renders(
-    site_file: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    picture = site_file.with_name("x").parent / name
-    assert vsnbench(monkeypatch, "sites", "render", str(site_file), "--output", str(picture)) == 2
-    answer = capsys.readouterr()
-    assert str(picture) in answer.err.replace("\n", "")
-    assert answer.out == ""
-    assert not picture.exists()

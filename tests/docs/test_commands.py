@@ -73,8 +73,20 @@ def run_here(page: Path) -> list[str]:
     ]
 
 
-LONG_PAGES = frozenset({"bundle.md", "export.md"})
-"""Pages whose commands take minutes, and which other tests run as well."""
+LONG_PAGES = {
+    "bundle.md": "tests/evidence/bundle/test_make.py, tests/cli/evidence/test_verify.py",
+    "export.md": "tests/cli/results/test_export.py, tests/interop",
+    "first-table.md": "tests/cli/results/test_report.py",
+    "look.md": "tests/cli/results/test_browse.py, tests/web/results_browser",
+    "models.md": "tests/cli/models, tests/cli/test_init.py",
+    "pirlnav.md": "tests/cli/running/test_run_pirlnav.py",
+    "scale.md": "tests/runner/executors",
+    "stress.md": "tests/cli/running/test_stress.py",
+    "study.md": "tests/cli/study",
+    "vlv.md": "tests/models/vlv/test_policy.py",
+}
+"""Pages whose commands take minutes -> tests that run the same commands on smaller input in `make test`, which checks
+every option of these pages too."""
 TYPED = [page for page in PAGES if run_here(page)]
 
 

@@ -1,4 +1,7 @@
-"""Hundreds of invalid inputs per loader are accepted or refused, in time and memory limits."""
+"""Invalid inputs of every loader are accepted or refused, in time and memory limits.
+
+`make fuzz`, which `make test-long` runs, takes more of them.
+"""
 
 import pytest
 
@@ -10,7 +13,7 @@ SEED = 1
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_nothing_gets_past_a_loader_s_boundary(name: str) -> None:
-    count = TARGETS[name].in_suite
+    count = min(TARGETS[name].in_suite, max(20, TARGETS[name].in_suite // 3))
     outcome = run(name, SEED, count)
     assert outcome.findings == []
     assert outcome.inputs == count

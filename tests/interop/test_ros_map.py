@@ -64,22 +64,6 @@ def test_a_sites_map_comes_back_from_its_files(tmp_path: Path) -> None:
     assert back.origin.position == pytest.approx(grid.origin.position)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("image: none.png\nresolution: 0.05\n", "cannot read .*none.png"),
-        ("image: map.yaml\nresolution: 0.05\n", "not a readable image"),
-        ("image: map.png\n", "resolution: required field is missing"),
-        ("image: map.png\nresolution: 0\n", "resolution"),
-    ],
-)
-def test_what_is_no_map_is_refused_in_a_line(tmp_path: Path, text: str, words: str) -> None:
-    path = tmp_path / "map.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(UsageError, match=words):
-        read_ros_map(path)
-
-
 def test_a_grid_of_nothing_is_a_map_too(tmp_path: Path) -> None:
     write_ros_map(PlanGrid(np.zeros((2, 3), np.uint8), 0.05, Pose(0.0, 0.0)), tmp_path / "map.yaml")
     assert read_ros_map(tmp_path / "map.yaml").cells.tolist() == [[UNKNOWN] * 3] * 2

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.support.placement_trials import NoisyEye
-from vsnbench.localization.fit import ErrorModel, Fit, FitState
-from vsnbench.localization.looks import Sighting, SmallLook
+from vsnbench.localization.fit import ErrorModel, FitState, PoseFit
+from vsnbench.localization.looks import LookSet, SmallLook
 from vsnbench.localization.twin import twin_of
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.site import load_site
@@ -16,15 +16,15 @@ UNKNOWNS = ("x", "y", "heading", "scale", "tilt", "turn", "roll", "focal", "heig
 
 
 @pytest.fixture(scope="module")
-def fit() -> tuple[Fit, FitState]:
+def fit() -> tuple[PoseFit, FitState]:
     twin, start = twin_of(APARTMENT), APARTMENT.starts[4]
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(start.pose)
-    sighting = Sighting(twin, CAMERA, [SmallLook.of(look, CAMERA, 80)])
-    return Fit(sighting, ErrorModel()), FitState.at(start.pose, twin)
+    sighting = LookSet(twin, CAMERA, [SmallLook.of(look, CAMERA, 80)])
+    return PoseFit(sighting, ErrorModel()), FitState.at(start.pose, twin)
 
 
 @pytest.mark.parametrize("number", range(len(UNKNOWNS)), ids=UNKNOWNS)
-def test_a_derivative_is_the_change_of_the_residuals(fit: tuple[Fit, FitState], number: int) -> None:
+def test_a_derivative_is_the_change_of_the_residuals(fit: tuple[PoseFit, FitState], number: int) -> None:
     equations, state = fit
     look, tiny = equations.sighting.looks[0], np.zeros(len(UNKNOWNS))
     tiny[number] = 1e-6

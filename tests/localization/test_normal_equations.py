@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsnbench.localization.normal_equations import NormalEquations, Prior, Rows
+from vsnbench.localization.normal_equations import NormalEquations, Rows
 
 CHAIR, WALL = 0, 1
 PIXELS = 40
@@ -23,11 +23,11 @@ def equations(chair_off_m: float, wall_ahead: bool = True) -> NormalEquations:
     own = np.repeat(np.array([kind[2] for kind in kinds]), PIXELS, axis=0)
     residual_m = np.repeat([kind[3] for kind in kinds], PIXELS)
     weight = np.full(len(group), 0.01**-2)
-    prior = Prior(np.array([0.6, 0.6, 0.7]), np.array([[SURVEYED_M] * 2, [0.01] * 2]), 25.0)
+    prior = (np.array([0.6, 0.6, 0.7]), np.array([[SURVEYED_M] * 2, [0.01] * 2]), 25.0)
     pose, steps = np.zeros(3), np.zeros((2, 2))
     for _ in range(2):
         moved_m = residual_m + common @ pose + (own * steps[group]).sum(axis=1)
-        system = NormalEquations([Rows(moved_m, common, group, own, weight)], prior, pose, steps)
+        system = NormalEquations([Rows(moved_m, common, group, own, weight)], *prior, pose, steps)
         step, own_step = system.step(np.full(3, 10.0))
         pose, steps = pose + step, steps + own_step
     return system

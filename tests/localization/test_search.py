@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from benchmarks.support.placement_trials import NoisyEye
-from vsnbench.localization.looks import Sighting, SmallLook
-from vsnbench.localization.search import Candidate, along_surfaces
+from vsnbench.localization.looks import LookSet, SmallLook
+from vsnbench.localization.search import TriedPose, along_surfaces
 from vsnbench.localization.twin import twin_of
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.site import load_site
@@ -17,10 +17,10 @@ CAMERA = load_profile("turtlebot2").camera
 FACING_A_BARE_WALL, FACING_A_CORNER = Pose(7.6, 5.9, math.pi), APARTMENT.start(12).pose
 
 
-def alternatives(pose: Pose) -> tuple[Candidate, ...]:
+def alternatives(pose: Pose) -> tuple[TriedPose, ...]:
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(pose)
-    sighting = Sighting(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)])
-    return along_surfaces(sighting, Candidate(pose, 0.0), 1.0)
+    sighting = LookSet(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)])
+    return along_surfaces(sighting, TriedPose(pose, 0.0), 1.0)
 
 
 def test_along_a_bare_wall_another_place_fits_as_well() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard
-from vsnbench.models.remote.card import card_of, difference
+from vsnbench.models.remote.card import card_of
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.parameters import ProtocolParameters
 
@@ -29,7 +29,7 @@ def test_the_report_has_both_numbers() -> None:
 
 def test_assumptions_are_not_part_of_the_identity() -> None:
     assert ModelCard("fixed") == CARD
-    assert difference(ModelCard("fixed"), CARD) == ""
+    assert ModelCard("fixed").difference(CARD) == ""
 
 
 def test_a_server_s_card_may_state_them() -> None:

@@ -12,10 +12,9 @@ from vsnbench.models.contract import ModelCard
 from vsnbench.models.description import describe_model
 from vsnbench.models.pirlnav.policy import DEMONSTRATION_CAMERA
 from vsnbench.models.remote.card import card_of
-from vsnbench.models.remote.card import difference as identity_difference
-from vsnbench.models.trained_camera import TrainedCamera, cropped
 from vsnbench.robots.profiles import embedded_profiles, load_profile
 from vsnbench.values.camera import Camera
+from vsnbench.values.model.trained_camera import TrainedCamera, cropped
 
 TRAINED = {
     "pirlnav": {"mount_height_m": 0.88, "tilt_deg": 0.0, "horizontal_fov_deg": 79.0, "size": (640, 480)},
@@ -118,7 +117,7 @@ def test_the_camera_is_not_part_of_the_identity_and_travels_with_a_served_card()
     camera = {"mount_height_m": 0.88, "horizontal_fov_deg": [55, 68], "width": 640, "height": 480}
     card = card_of({"card": {"name": "m", "goals": None, "camera": camera}}, {})
     assert card.camera == TrainedCamera(mount_height_m=0.88, horizontal_fov_deg=(55, 68), width=640, height=480)
-    assert identity_difference(card, ModelCard("m")) == ""
+    assert card.difference(ModelCard("m")) == ""
     assert card == ModelCard("m")
 
 

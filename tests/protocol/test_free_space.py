@@ -188,3 +188,11 @@ def test_the_way_straight_ahead_ends_at_the_first_wall(heading_deg: float, ahead
     space = free_space(two_rooms(), RADIUS_M)
     pose = Pose.from_degrees(3.65, 2.0, heading_deg)
     assert space.free_ahead_m(pose) == pytest.approx(ahead_m, abs=2 * RESOLUTION_M)
+
+
+def test_ways_of_many_positions_are_those_of_each_to_the_bit() -> None:
+    space = free_space(two_rooms(DOOR), RADIUS_M)
+    places = np.random.default_rng(0).uniform(-0.5, (8.5, 4.5), (2000, 2))  # in the rooms, in walls and outside
+    each = [space.geodesic_to_goal_m(Pose(x_m, y_m), "sofa") for x_m, y_m in places.tolist()]
+    assert space.geodesics_to_goal_m(places, "sofa", ProtocolParameters()).tolist() == each
+    assert 0.5 < np.isfinite(each).mean() < 1

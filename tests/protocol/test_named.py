@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vsnbench.errors import ProtocolError, UsageError
+from vsnbench.errors import ProtocolError
 from vsnbench.protocol.named import NAMED, load_protocol, parameter_rows, protocol_file_faults
 from vsnbench.protocol.parameters import ProtocolParameters
 
@@ -55,13 +55,6 @@ def test_a_check_reports_every_fault_with_its_line(tmp_path: Path, text: str, fa
     with pytest.raises(ProtocolError) as refused:
         load_protocol(path)
     assert refused.value.code == faults[0][1]
-
-
-def test_an_unknown_name_suggests_a_known_one() -> None:
-    with pytest.raises(UsageError) as refused:
-        load_protocol("habitat-objctnav")
-    assert refused.value.code == "unknown-protocol"
-    assert "habitat-objectnav" in refused.value.advice
 
 
 def test_every_parameter_has_a_value_a_meaning_and_a_source() -> None:

@@ -11,15 +11,18 @@ from sqlalchemy import Engine
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.report.analysis.summary import Group
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity
@@ -98,7 +101,7 @@ class Lab:
         plan = CampaignPlan(
             site=self.site,
             robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros1", simulated),
-            model=ModelIdentity(model, weights_label=weights_label, surveyed=surveyed, settings=settings or {}),
+            model=ModelCard(model, weights_label=weights_label, surveyed=surveyed, settings=settings or {}),
             protocol=protocol or ProtocolParameters(),
             seed=seed,
             trials=planned,
@@ -160,3 +163,8 @@ def step(number: int, action: Action, raw_action: str = "", *, x_m: float = 0.0,
         observed=Pose(x_m, 0.0),
         world=Fix(Pose(1.0 + x_m, 1.0), PoseSource.SIMULATED),
     )
+
+
+def measured(group: Group, key: str) -> Any:
+    """Return the value of a measure of the success table."""
+    return SUMMARY.named(key).value(group)

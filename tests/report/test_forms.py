@@ -21,8 +21,8 @@ from vsnbench.report.formats.json import to_json
 from vsnbench.report.formats.latex import document, latex
 from vsnbench.report.formats.latex import escaped as latex_escaped
 from vsnbench.report.formats.markdown import markdown
+from vsnbench.report.table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.reference import reference_tables
-from vsnbench.report.tables.report_table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.success import goal_table, overview_table
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.values.action import Action
@@ -211,7 +211,8 @@ def test_the_document_compiles_with_several_tables_a_page(tmp_path: Path) -> Non
 
 def many_tables() -> list[ReportTable]:
     """Return as many tables as a stress test of six disturbances has."""
-    return [replace(table, name=f"{table.name}-{n}") for n in range(20) for table in reference_tables()]
+    tables = reference_tables()
+    return [replace(table, name=f"{table.name}-{n}") for n in range(20) for table in tables]
 
 
 def test_the_page_is_cleared_before_latex_has_more_floats_than_it_queues() -> None:

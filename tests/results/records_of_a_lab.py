@@ -9,13 +9,14 @@ from pathlib import Path
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
 from vsnbench.sites.site import Site, parse_site
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity
@@ -61,7 +62,7 @@ def plan(
     return CampaignPlan(
         site=cell(),
         robot=RobotIdentity(profile(), "simulated", simulated=True),
-        model=ModelIdentity("random", settings=settings or {"temperature": 1.0}),
+        model=ModelCard("random", settings=settings or {"temperature": 1.0}),
         protocol=ProtocolParameters(),
         seed=seed,
         trials=[PlannedTrial(goal, start) for goal in goals for start in (1, 2)],

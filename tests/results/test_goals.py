@@ -13,30 +13,23 @@ from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.goals import definitions
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Goal, Trial
 from vsnbench.runner.executors.capacity import WorkerOptions
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.goal import GoalKind
 
 
 def run(site: Path, goals: str, results: Path, seed: int = 0, model: str = "oracle") -> ResultsDirectory:
     directory = ResultsDirectory.locate(results)
-    request = RunRequest(
-        model,
-        tuple(goals.split(",")),
-        directory,
-        str(site),
-        starts="1",
-        seed=seed,
-        workers=WorkerOptions(1),
-        keep=KeepFiles.NONE,
-    )
-    launch(request, TerminalOperatorProvider(unattended=True))
+    setup = TrialSetupSpec(load_site(site), model, (goals,), keep=KeepFiles.NONE)
+    request = RunRequest(setup, directory, starts=(1,), seed=seed, workers=WorkerOptions(1))
+    launch(request.at(str(site), setup.site), OperatorProvider(unattended=True))
     return directory
 
 
@@ -55,7 +48,7 @@ def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definiti
             photograph = connection.scalar(select(Goal.image).where(Goal.name == "photo-bed"))
             assert photograph == (tmp_path / "bed.png").read_bytes()
             assert connection.execute(select(Trial.goal).where(Trial.goal_id.is_(None))).scalars().all() == ["chair"]
-        recorded = Site.model_validate(episode_details(engine, 1).provenance.site_content)
+        recorded = Site.model_validate(episode_record(engine, 1).provenance.site_content)
     assert recorded.sha256 == load_site("apartment").sha256
     assert {goal.id: goal.sha256 for goal in recorded.goals} == {goal.id: goal.sha256 for goal in load_site(site).goals}
     report = read(results.database_url, Selection())

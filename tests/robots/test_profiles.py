@@ -41,27 +41,6 @@ def test_an_unknown_profile_is_answered_with_the_known_ones() -> None:
         load_profile("turtlebot3")
 
 
-@pytest.mark.parametrize(
-    ("broken", "expected"),
-    [
-        (
-            TURTLEBOT2.replace("radius_m: 0.177", "radius_m: -1"),
-            r"mine.yaml:5: base.radius_m: must be above 0\.05 m, got -1 m",
-        ),
-        (
-            TURTLEBOT2.replace("  track_m", "  trakc_m"),
-            r"mine.yaml:\d+: base.trakc_m: unknown field: did you mean track_m\? \(and 1 more\)",
-        ),
-        (TURTLEBOT2.replace("  tilt_deg: 0.0", "  tilt: 0.0"), r"mine.yaml:\d+: camera.tilt: unknown field"),
-        (TURTLEBOT2 + "\n  - [", r"mine.yaml:\d+: not valid YAML"),
-        ("just words", r"mine.yaml:1: a robot profile file must be a mapping with name, title, base, camera"),
-    ],
-)
-def test_a_broken_profile_names_the_line_and_the_field(broken: str, expected: str) -> None:
-    with pytest.raises(RobotError, match=expected):
-        parse_profile(broken, origin="mine.yaml")
-
-
 def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     binary = tmp_path / "binary.yaml"
     binary.write_bytes(b"\xff\xfe\x00")
@@ -92,33 +71,12 @@ def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
     assert kept.sha256 == load_profile("turtlebot2").sha256
 
 
-def test_an_interface_that_nobody_speaks_is_refused() -> None:
-    with pytest.raises(RobotError, match=r"mine.yaml:\d+: interface: .*carrier-pigeon"):
-        parse_profile(TURTLEBOT2.replace("kind: ros1", "kind: carrier-pigeon"), origin="mine.yaml")
-
-
 def test_a_robot_without_an_interface_can_be_simulated_and_not_be_reached() -> None:
     profile = parse_profile(TURTLEBOT2.split("interface:")[0], origin="mine.yaml")
     assert profile.interface is None
     with pytest.raises(RobotError) as refused:
         ros1_interface(profile)
     assert refused.value.code == "wrong-interface"
-
-
-@pytest.mark.parametrize(
-    ("broken", "expected"),
-    [
-        (TURTLEBOT2 + "ros: {command: /cmd_vel}\n", "both `ros:` and `interface:`"),
-        (
-            TURTLEBOT4.replace("  hazards:", "  cliff: x\n  hazards:"),
-            r"mine.yaml:\d+: interface.cliff: ",
-        ),
-        (TURTLEBOT4.replace("command: cmd_vel", "command: 9lives"), r"mine.yaml:\d+: interface.command: "),
-    ],
-)
-def test_a_profile_of_two_interfaces_is_refused_with_line_and_field(broken: str, expected: str) -> None:
-    with pytest.raises(RobotError, match=expected):
-        parse_profile(broken, origin="mine.yaml")
 
 
 def test_a_namespace_says_where_a_robot_is_and_not_which_robot_it_is() -> None:
@@ -150,41 +108,6 @@ def test_the_topic_of_frames_is_in_the_namespace_where_it_begins_without_a_slash
     mine = tmp_path / "mine.yaml"
     mine.write_text(TURTLEBOT4.replace("odometry: odom", "tf: {topic: tf}"), encoding="utf-8")
     assert ros2_interface(load_profile(f"{mine}@robot1")).tf.static_topic == "/robot1/tf_static"
-
-
-@pytest.mark.parametrize(
-    ("instead", "expected"),
-    [
-        (f"odometry: /odom\n  {FRAMES}", "both `odometry` /odom and `tf`"),
-        ('odometry: ""', "no odometry: name the topic"),
-        ("tf: {odom_frame: base_link}", "both base_link"),
-        ("tf: {odom_frame: /odom}", "interface.tf.odom_frame"),
-        ("tf: {frame: odom}", "interface.tf.frame"),
-    ],
-)
-def test_a_profile_has_exactly_one_source_of_odometry(instead: str, expected: str) -> None:
-    with pytest.raises(RobotError, match=expected):
-        parse_profile(TURTLEBOT2.replace("odometry: /odom", instead), origin="mine.yaml")
-
-
-@pytest.mark.parametrize(
-    ("line", "code", "value"),
-    [
-        ("dead_time_s: -0.1", None, "-0.1"),
-        ("dead_time_s: 1.5", None, "at most 1"),
-        ("deadband_m_s: 0.8", "impossible-base", "0.7 m/s"),
-        ("deadband_rad_s: 4", "impossible-base", "3.14159 rad/s"),
-        ("gait: trot", None, "gait"),
-    ],
-)
-def test_a_base_that_cannot_be_is_refused_in_one_line(tmp_path: Path, line: str, code: str | None, value: str) -> None:
-    file = tmp_path / "base.yaml"
-    file.write_text(f"{line}\n")
-    with pytest.raises(RobotError) as refused:
-        load_dynamics(file, load_profile("turtlebot2"))
-    assert value in str(refused.value)
-    assert "\n" not in str(refused.value)
-    assert code is None or refused.value.code == code
 
 
 def test_the_dynamics_of_a_profile_are_simulated_and_do_not_change_the_real_robot(tmp_path: Path) -> None:

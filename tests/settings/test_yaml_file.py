@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vsnbench.errors import SiteError
-from vsnbench.settings.yaml_file import MOST_FAULTS, parse_settings, read_settings, settings_faults
+from vsnbench.settings.validation import MOST_FAULTS
+from vsnbench.settings.yaml_file import parse_settings, read_settings, settings_faults
 
 
 class Tyre(StrEnum):
@@ -66,7 +67,7 @@ def test_a_good_file_becomes_its_model(tmp_path: Path) -> None:
         ("name: a\nwheels:\n- {radius_m: " + "9" * 400 + "}\n", r"^cart.yaml:3: a number has 400 digits$"),
         ("name: a\nwheels:\n- {radius_m: -" + "9" * 400 + "}\n", r"^cart.yaml:3: a number has 401 digits$"),
         ("name: !!python/object/apply:os.system [ls]\n", r"^cart.yaml:1: not valid YAML: could not determine a constr"),
-        ("name: " + "[" * 5000 + "]" * 5000, r"^cart.yaml: not valid YAML: too many levels$"),
+        ("name: " + "[" * 1500 + "]" * 1500, r"^cart.yaml: not valid YAML: too many levels$"),
         ("name: &a [*a]\n", r"^cart.yaml: aliases and merge keys expand to more than 250,000 values"),
         ("wheels: []\n", r"^cart.yaml:1: name: required field is missing$"),
         (
@@ -94,22 +95,6 @@ def test_a_missing_file_is_an_error_of_the_given_class(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="cannot read cart file") as refused:
         read_settings(tmp_path / "none.yaml", Cart, SiteError, "cart")
     assert refused.value.code == "unreadable-file"
-
-
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("name: [\n", "invalid-yaml"),
-        ("- a\n", "invalid-yaml"),
-        ("nam: a\n", "unknown-field"),
-        ("wheels: []\n", "missing-field"),
-        ("name: 3\n", "invalid-field"),
-    ],
-)
-def test_an_error_has_the_code_of_its_kind(text: str, code: str) -> None:
-    with pytest.raises(SiteError) as refused:
-        parse(text)
-    assert refused.value.code == code
 
 
 def merge_bomb(levels: int) -> str:
@@ -158,15 +143,15 @@ def test_a_file_with_too_many_values_is_refused_before_it_is_parsed(text: str) -
 
 def test_the_errors_of_many_unknown_fields_are_counted_and_the_first_described(tmp_path: Path) -> None:
     path = tmp_path / "cart.yaml"
-    path.write_text("name: a\n" + "".join(f"nam{number}: 1\n" for number in range(20_000)))
+    path.write_text("name: a\n" + "".join(f"nam{number}: 1\n" for number in range(5_000)))
     began_s = time.process_time()
-    with pytest.raises(SiteError, match=r"^.*:2: nam0: unknown field: did you mean name\? \(and 19999 more\)$"):
+    with pytest.raises(SiteError, match=r"^.*:2: nam0: unknown field: did you mean name\? \(and 4999 more\)$"):
         read_settings(path, Cart, SiteError, "cart")
     faults = settings_faults(path, Cart, SiteError, "cart")
     # Describing each of the errors takes a hundred times as long as reading the file.
-    assert time.process_time() - began_s < 20
+    assert time.process_time() - began_s < 5
     assert len(faults) == MOST_FAULTS + 1
-    assert str(faults[-1]) == f"{path}: 19,900 more errors"
+    assert str(faults[-1]) == f"{path}: 4,900 more errors"
 
 
 def test_many_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:

@@ -44,37 +44,3 @@ def test_all_mistakes_are_reported_together(tmp_path: Path) -> None:
     assert problems(tmp_path, left_out) == ["required field is missing"]
     commas = re.sub(r"position: \[(\d+)\.(\d+), (\d+)\.(\d+)\]", r"position: [\1,\2, \3,\4]", apartment(), count=1)
     assert problems(tmp_path, commas) == ["expected 2 values, got 4: is this a decimal comma? Write 1.5, not 1,5"]
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong", "expected"),
-    [
-        ("size_m: [2.05, ", "size_m: [2050, ", "this looks like millimetres; in metres it is 2.05"),
-        ("size_m: [2.05, ", "size_m: [205, ", "this looks like centimetres; in metres it is 2.05"),
-        (
-            "position: [8.8, 4.32]",
-            "position: '8.8, 4.32'",
-            "expected a list of coordinates",
-        ),
-        ("position: [8.8, 4.32]", "position: [8.8, 4.32, 0]", "expected 2 values, got 3"),
-        ("position: [8.8, 4.32]", "pos: [8.8, 4.32]", "unknown field: did you mean position?"),
-        ("heading_deg: 165", "heading_deg: North-West", "got 'North-West': write it in degrees"),
-        (
-            "category: rug",
-            "category: round rug",
-            "'round rug': write rug, and use the field model",
-        ),
-        ("starts:", "starts:\nplaces:", "expected a list, got nothing"),
-    ],
-)
-def test_a_mistake_is_reported_with_its_fix(tmp_path: Path, right: str, wrong: str, expected: str) -> None:
-    assert right in apartment()
-    faults = [f"{fault.problem} {fault.advice}" for fault in site_file_faults(place(tmp_path, right, wrong))]
-    assert [fault for fault in faults if expected in fault], faults
-
-
-def place(tmp_path: Path, right: str, slip: str) -> Path:
-    """Write the apartment's file with one slip."""
-    path = tmp_path / "flat.yaml"
-    path.write_text(apartment().replace(right, slip, 1), encoding="utf-8")
-    return path

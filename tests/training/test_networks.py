@@ -35,7 +35,7 @@ def test_many_steps_at_once_answer_as_the_policys_network_step_by_step() -> None
         for lane in range(lanes):
             memory = hidden[:, lane : lane + 1]
             for step in range(steps):
-                answer = network(
+                answer, _, memory = network(
                     torch.from_numpy(images[step, lane][None]).float() / 255,
                     gps[step, lane][None],
                     compass[step, lane].reshape(1, 1),
@@ -44,8 +44,7 @@ def test_many_steps_at_once_answer_as_the_policys_network_step_by_step() -> None
                     1.0 - begins[step, lane].float().reshape(1, 1),
                     memory,
                 )
-                memory = answer.hidden
-                assert torch.allclose(answer.logits[0], logits[step, lane], atol=1e-4)
+                assert torch.allclose(answer[0], logits[step, lane], atol=1e-4)
             assert torch.allclose(memory, after[:, lane : lane + 1], atol=1e-4)
 
 

@@ -13,7 +13,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.schema.tables import Episode
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
@@ -22,6 +22,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.values.encoding.codec import diagnostics_to_details
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity
@@ -72,7 +73,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
     """Write the episode into a results directory as a run does, without its Rerun file; returns its number."""
     about = header()
     profile = load_profile("turtlebot2")
-    model = ModelIdentity("vlv", weights_label="stand-in weights")
+    model = ModelCard("vlv", weights_label="stand-in weights")
     plan = CampaignPlan(
         about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [PlannedTrial("chair", 1)]
     )

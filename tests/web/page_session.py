@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tests.results.records_of_a_lab import begun, cell, plan, run, stopped
+from tests.runner.stand_ins import ScriptedPolicy, StandInRobot
 from tests.web.browser import Browser
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -16,12 +17,12 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
-from vsnbench.runner.operator.contract import EndedEpisode, Upcoming
-from vsnbench.runner.operator.progress import TrialCounts
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
+from vsnbench.runner.loop.contract import Session
+from vsnbench.runner.operator.contract import EndedEpisode, TrialCounts, Upcoming
 from vsnbench.runner.operator.prompts import OperatorPrompts
-from vsnbench.runner.operator.provider import OperatorSession
-from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.battery import Battery
 from vsnbench.web.operator.page import OperatorPage
 
@@ -59,23 +60,20 @@ def page_session(directory: Path) -> Iterator[PageSession]:
         claim = begun(journal, campaign.trials[1])
         site, stops = cell(), []
         camera: list[npt.NDArray[np.uint8]] = []
-        session = OperatorSession(
+        robots = InProcessExecutor(StandInRobot(), lambda _trial: DrivingModel(ScriptedPolicy([]), "arm A"))
+        robots.preview = lambda: camera[0] if camera else None
+        session = Session(
             label="puck in cell",
             trials=TrialCounts(4, 1),
             parameters=ProtocolParameters(),
-            needs_operator=True,
-            halt=lambda: stops.append("halt"),
-            stop_requests=StopRequests(),
+            robots=robots,
             site=site,
-            robot_radius_m=0.177,
             journal=journal,
-            results=results,
+            recording=RecordingOptions(results, operator_name="lab"),
             campaign_ids=(campaign.id,),
-            operator_name="lab",
-            glimpse=lambda: camera[0] if camera else None,
         )
         batteries = [Battery(0.84), Battery(0.71)]
-        prompts = OperatorPrompts(None, session.halt, lambda request: stops.append(request.description))
+        prompts = OperatorPrompts(None, lambda: stops.append("halt"), lambda request: stops.append(request.description))
         prompts.state.read_battery = lambda: batteries.pop(0) if len(batteries) > 1 else batteries[0]
         parameters = ProtocolParameters()
         prompts.state.trial_begins(

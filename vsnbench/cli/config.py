@@ -72,13 +72,14 @@ def _built_in(default: "ConfigDefault") -> "ConfigDefault":
 
 def _section_values() -> "list[ConfigDefault]":
     """Return the values of all sections."""
-    from vsnbench.config import SECTIONS, Config, ConfigDefault, load_config
+    from vsnbench.config import ConfigDefault, load_config
+    from vsnbench.settings.user_config import UserConfig
 
-    config, built_in = load_config(), Config()
+    config, built_in = load_config(), UserConfig()
     values = []
-    for section in SECTIONS:
-        for key, value in asdict(getattr(config, section)).items():
-            is_set = value != getattr(getattr(built_in, section), key)
-            text = "" if value is None else str(value)
-            values.append(ConfigDefault(f"{section}.{key}", text, str(config.file) if is_set else _BUILT_IN))
+    for section, model in UserConfig.sections().items():
+        for key in model.model_fields:
+            value, default = (getattr(getattr(content, section), key) for content in (config, built_in))
+            source = _BUILT_IN if value == default else str(config.file)
+            values.append(ConfigDefault(f"{section}.{key}", "" if value is None else str(value), source))
     return values

@@ -186,7 +186,8 @@ def _run(loaded: Callable[[], object]) -> None:
 def _run_command(loaded: Callable[[], object]) -> None:
     completing = _COMPLETING in os.environ
     name = _verb()
-    applied = [] if name == "config" or completing else apply_config_defaults()
+    is_help = not {"--help", "-h", "--version"}.isdisjoint(_words())  # works with an invalid file, too
+    applied = [] if name == "config" or completing or is_help else apply_config_defaults()
     command = get_command(build_app(name))
     hide_flag_types(command)
     words = mark_missing_values(sys.argv[1:])

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.settings.field_errors import describe_error
+from vsnbench.settings.validation import first_error
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -52,9 +52,8 @@ class DiscreteMoveParameters(BaseModel):
         try:
             return MotionSettings.model_validate(settings.model_dump() | changes)
         except ValidationError as error:
-            first = error.errors()[0]
-            problem = describe_error(first, MotionSettings)
-            raise RobotError(f"discrete_move: {first['loc'][0]}: {problem.statement}", advice=problem.advice) from error
+            name, problem = first_error(error, MotionSettings)
+            raise RobotError(f"discrete_move: {name}: {problem.statement}", advice=problem.advice) from error
 
 
 _FIELD_OF = {
@@ -86,9 +85,7 @@ def motion_settings(
         try:
             set_in_ros = DiscreteMoveParameters.model_validate(dict(ros_parameters))
         except ValidationError as error:
-            first = error.errors()[0]
-            name = ".".join(str(part) for part in first["loc"])
-            problem = describe_error(first, DiscreteMoveParameters)
+            name, problem = first_error(error, DiscreteMoveParameters)
             where = f"ROS parameter ~{name} of discrete_move"
             raise RobotError(f"{where}: {problem.statement}", advice=problem.advice) from error
         settings = set_in_ros.over(settings, profile)

@@ -19,13 +19,14 @@ from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.files.staged_import import StagedImport, remove_stale_imports
 from vsnbench.results.reading.queries import images_directories
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.imports import IMPORTED, ImportedEpisode
 from vsnbench.results.writing.journal import Journal
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.images import decode_picture, encode_jpeg
 from vsnbench.values.fix import PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.robot_identity import RobotIdentity
 from vsnbench.values.robot_profile import RobotProfile
@@ -167,7 +168,7 @@ def _plan(
     return CampaignPlan(
         site=site,
         robot=RobotIdentity(robot, IMPORTED, simulated),
-        model=ModelIdentity(model),
+        model=ModelCard(model),
         protocol=protocol or ProtocolParameters(),
         seed=int.from_bytes(digest[:7], "big"),
         trials=planned,

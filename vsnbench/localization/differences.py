@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.localization.fit import ErrorModel, FitState
-from vsnbench.localization.looks import Sighting, SmallLook
+from vsnbench.localization.looks import LookSet, SmallLook
 from vsnbench.localization.normal_equations import Floats
 from vsnbench.simulator.rendering.renderer import eye_of
 
@@ -25,7 +25,7 @@ _TIMES, _LEAST_SHARE = 1.5, 0.0025
 """An object is gone if this many times as many pixels are behind it as agree, and at least this share of the image."""
 
 
-def suspects(sighting: Sighting, state: FitState, errors: ErrorModel) -> frozenset[int]:
+def suspects(sighting: LookSet, state: FitState, errors: ErrorModel) -> frozenset[int]:
     """Return the objects, as group numbers of the twin, that a fit should exclude."""
     twin = sighting.twin
     expected, through = np.zeros(twin.groups), np.zeros(twin.groups)
@@ -38,7 +38,7 @@ def suspects(sighting: Sighting, state: FitState, errors: ErrorModel) -> frozens
     return frozenset(np.nonzero(twin.is_object & (away | off))[0].tolist())
 
 
-def gone(sighting: Sighting, state: FitState) -> frozenset[int]:
+def gone(sighting: LookSet, state: FitState) -> frozenset[int]:
     """Return the objects, as group numbers of the twin, that are not where the survey has them.
 
     Objects behind an unknown obstacle are not reported, since they are not visible. Pixels do not count if the building
@@ -72,7 +72,7 @@ class _Seen:
     groups: int
 
     @classmethod
-    def of(cls, sighting: Sighting, look: SmallLook, state: FitState) -> "_Seen":
+    def of(cls, sighting: LookSet, look: SmallLook, state: FitState) -> "_Seen":
         """Return the compared pixels of a look."""
         twin, view = sighting.twin, sighting.expected(look, state.pose_of(look))
         where = (view.face >= 0) & np.isfinite(look.depth_m)

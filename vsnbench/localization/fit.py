@@ -13,8 +13,8 @@ from typing import Self
 
 import numpy as np
 
-from vsnbench.localization.looks import Sighting, SmallLook
-from vsnbench.localization.normal_equations import Floats, NormalEquations, Prior, Rows
+from vsnbench.localization.looks import LookSet, SmallLook
+from vsnbench.localization.normal_equations import Floats, NormalEquations, Rows
 from vsnbench.localization.twin import Twin, outward
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
@@ -133,10 +133,10 @@ class FitState:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class PoseFit:
     """Inputs of a fit: images, uncertainties, and excluded groups."""
 
-    sighting: Sighting
+    sighting: LookSet
     errors: ErrorModel
     left_out: frozenset[int] = frozenset()
     """Groups that are not where the survey has them."""
@@ -173,8 +173,8 @@ class Fit:
         rows = [self._rows_of(look, state, width_m) for look in self.sighting.looks]
         camera = (state.roll_rad, state.focal, state.height_m, state.forward_m)
         now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn, *camera])
-        prior = Prior(common, np.repeat(own_m[:, None], 2, axis=1), errors.stretches)
-        return NormalEquations(rows, prior, now, state.steps)
+        own = np.repeat(own_m[:, None], 2, axis=1)
+        return NormalEquations(rows, common, own, errors.stretches, now, state.steps)
 
     def _rows_of(self, look: SmallLook, state: FitState, width_m: float) -> Rows:
         twin, camera, errors = self.sighting.twin, self.sighting.camera, self.errors

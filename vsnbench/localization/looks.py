@@ -63,7 +63,7 @@ class SmallLook:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+class LookSet:
     """Looks of one camera from one spot, with the twin of the room."""
 
     twin: Twin

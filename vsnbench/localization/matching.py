@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vsnbench.localization.differences import gone, suspects
-from vsnbench.localization.fit import ErrorModel, Fit, FitState
-from vsnbench.localization.looks import DepthLook, Sighting, SmallLook
+from vsnbench.localization.fit import ErrorModel, FitState, PoseFit
+from vsnbench.localization.looks import DepthLook, LookSet, SmallLook
 from vsnbench.localization.search import (
     REACH_DEG,
     REACH_M,
-    Candidate,
+    TriedPose,
     along_surfaces,
     candidates,
     misfit_of,
@@ -88,7 +88,7 @@ class PlacementMatcher:
         basins, along_surface = self._basins(placed, start.pose)
         if basins:
             best = basins[0]
-            fit = Fit(fine, errors, left_out=best.moved)
+            fit = PoseFit(fine, errors, left_out=best.moved)
             state = fit.refined(best.state, 4, (0.06, _FINEST_M))
             state = replace(state, covariance=fit.doubt(state, _FINEST_M))
             covariance = state.covariance_of(fine.looks[-1]) + _of_other_places(state, basins) + along_surface
@@ -117,8 +117,8 @@ class PlacementMatcher:
             took_s=time.perf_counter() - began_s,
         )
 
-    def _sighting(self, looks: Sequence[DepthLook], width: int) -> Sighting:
-        return Sighting(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
+    def _sighting(self, looks: Sequence[DepthLook], width: int) -> LookSet:
+        return LookSet(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
 
     def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "tuple[list[_Basin], Floats]":
         """Return the candidate poses, best first, and the covariance that the alternatives add to the best.
@@ -131,13 +131,13 @@ class PlacementMatcher:
         ]
         if not coarse:
             return [], np.zeros((3, 3))
-        sparse = Sighting(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
+        sparse = LookSet(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
         rough: list[_Basin] = []
         for number, candidate in enumerate(candidates(sparse, mark, _CANDIDATES)):
             if number < _POLISHED:
                 better = polished(sparse, candidate)
                 rough.append(_Basin(FitState.at(better.pose, self._twin), better.misfit, frozenset()))
-            state = Fit(sparse, self._errors).refined(FitState.at(candidate.pose, self._twin), 6, (0.25, 0.10))
+            state = PoseFit(sparse, self._errors).refined(FitState.at(candidate.pose, self._twin), 6, (0.25, 0.10))
             if _within_reach(state.pose, mark):
                 rough.append(_Basin(state, _misfit(sparse, state), frozenset()))
         settled = [self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]]
@@ -148,11 +148,11 @@ class PlacementMatcher:
         basins = _apart([basins[0], *(basin for basin in rivals if _within_reach(basin.state.pose, mark))])
         return basins, self._along_surface(sparse, basins[0])
 
-    def _along_surface(self, sparse: Sighting, best: "_Basin") -> Floats:
+    def _along_surface(self, sparse: LookSet, best: "_Basin") -> Floats:
         """Return the (3, 3) covariance that poses along a surface with a similar fit add to the best."""
         state = best.state
         misfit = _misfit(sparse, state)
-        tried = along_surfaces(sparse, Candidate(state.pose, misfit), state.scale)
+        tried = along_surfaces(sparse, TriedPose(state.pose, misfit), state.scale)
         similar = [candidate for candidate in tried if candidate.misfit < misfit + _DOUBT]
         if not similar:
             return np.zeros((3, 3))
@@ -160,12 +160,12 @@ class PlacementMatcher:
         away = np.array([_difference(candidate.pose, state.pose) for candidate in similar])
         return np.asarray(np.einsum("b,bi,bj->ij", weights / weights.sum(), away, away))
 
-    def _settled(self, middle: Sighting, state: FitState) -> "_Basin":
+    def _settled(self, middle: LookSet, state: FitState) -> "_Basin":
         """Continue a fit without the groups that turn out to be elsewhere."""
-        state = Fit(middle, self._errors).refined(state, 3, (0.12, 0.06))
+        state = PoseFit(middle, self._errors).refined(state, 3, (0.12, 0.06))
         moved = suspects(middle, state, self._errors)
         if moved:
-            state = Fit(middle, self._errors, left_out=moved).refined(state, 3, (0.10, 0.06))
+            state = PoseFit(middle, self._errors, left_out=moved).refined(state, 3, (0.10, 0.06))
             moved |= suspects(middle, state, self._errors)
         return _Basin(state, _misfit(middle, state), moved)
 
@@ -179,7 +179,7 @@ class _Basin:
     moved: frozenset[int]
 
 
-def _misfit(sighting: Sighting, state: FitState) -> float:
+def _misfit(sighting: LookSet, state: FitState) -> float:
     return misfit_of(sighting, [state.pose_of(look) for look in sighting.looks], state.scale)
 
 

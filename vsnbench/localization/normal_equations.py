@@ -34,38 +34,36 @@ class Rows:
     """(N,) robust inverse variance."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prior:
-    """Prior knowledge."""
-
-    common: Floats
-    """(C,) standard deviations about 0."""
-    own: Floats
-    """(G, 2) standard deviations of the own unknowns."""
-    stretches: float
-    """Maximum number of independent patches of surface of one group."""
-
-
 class NormalEquations:
     """Normal equations of one linearization."""
 
-    def __init__(self, rows: Sequence[Rows], prior: Prior, now: Floats, steps: Floats) -> None:
+    def __init__(
+        self,
+        rows: Sequence[Rows],
+        common_prior: Floats,
+        own_prior: Floats,
+        stretches: float,
+        now: Floats,
+        steps: Floats,
+    ) -> None:
         """Sum up the residuals.
 
         Args:
             rows: residuals of each look.
-            prior: prior knowledge.
+            common_prior: (C,) prior standard deviations of the common unknowns about 0.
+            own_prior: (G, 2) prior standard deviations of the own unknowns.
+            stretches: maximum number of independent patches of surface of one group.
             now: (C,) present common unknowns.
             steps: (G, 2) present own unknowns of the groups.
         """
-        groups = len(prior.own)
+        groups = len(own_prior)
         group = np.concatenate([look_rows.group for look_rows in rows])
         common = np.concatenate([look_rows.common for look_rows in rows])
         own = np.concatenate([look_rows.own for look_rows in rows])
         weight = np.concatenate([look_rows.weight for look_rows in rows])
         residual_m = np.concatenate([look_rows.residual_m for look_rows in rows])
         pixels = np.bincount(group, minlength=groups).astype(float)
-        weight = weight * np.minimum(1.0, prior.stretches / np.maximum(pixels, 1.0))[group]
+        weight = weight * np.minimum(1.0, stretches / np.maximum(pixels, 1.0))[group]
 
         def summed(values: Floats) -> Floats:
             return np.bincount(group, weight * values, groups).astype(np.float64)
@@ -80,13 +78,13 @@ class NormalEquations:
             2, 0, 1
         )  # (G, C, 2)
         self._own_right = -np.stack([summed(own[:, k] * residual_m) for k in range(OWN)], axis=1)
-        doubtful = self._own_own + prior.own[:, :, None] ** -2.0 * np.eye(OWN)
+        doubtful = self._own_own + own_prior[:, :, None] ** -2.0 * np.eye(OWN)
         self._inverse = np.linalg.inv(doubtful)
-        right = self._own_right - prior.own**-2.0 * steps
+        right = self._own_right - own_prior**-2.0 * steps
         gain = self._mixed @ self._inverse
         self._taken, self._taken_right = gain @ self._mixed.transpose(0, 2, 1), np.einsum("gik,gk->gi", gain, right)
         self._known_right = right
-        known = prior.common**-2.0
+        known = common_prior**-2.0
         self.matrix: Floats = self._weighted.T @ common - self._taken.sum(axis=0) + np.diag(known)
         """Return the (C, C) information matrix of the common unknowns, with the others eliminated."""
         self._right = -self._weighted.T @ residual_m - self._taken_right.sum(axis=0) - known * now

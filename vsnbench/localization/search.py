@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsnbench.localization.looks import Sighting
+from vsnbench.localization.looks import LookSet
 from vsnbench.values.pose import Pose
 
 REACH_M, REACH_DEG = 0.45, 30.0
@@ -28,14 +28,14 @@ _APART_M, _APART_RAD = 0.22, math.radians(8.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class TriedPose:
     """A pose of the first look with its misfit: 0 perfect, 1 no match."""
 
     pose: Pose
     misfit: float
 
 
-def misfit_of(sighting: Sighting, poses: Sequence[Pose], scale: float = 1.0) -> float:
+def misfit_of(sighting: LookSet, poses: Sequence[Pose], scale: float = 1.0) -> float:
     """Return the misfit of `poses`: the mean of the limited residuals, as a share of the limit.
 
     Depth behind the building is impossible and costs 1. Depth in front of the expected surface, or behind an object,
@@ -56,7 +56,7 @@ def misfit_of(sighting: Sighting, poses: Sequence[Pose], scale: float = 1.0) -> 
     return total / (CUT * pixels) if pixels else 1.0
 
 
-def candidates(sighting: Sighting, mark: Pose, most: int) -> tuple[Candidate, ...]:
+def candidates(sighting: LookSet, mark: Pose, most: int) -> tuple[TriedPose, ...]:
     """Return the best basins around the mark, best first."""
     steps = np.arange(-REACH_M, REACH_M + 1e-9, _STEP_M)
     turns = np.radians(np.arange(-REACH_DEG, REACH_DEG + 1e-9, _STEP_DEG))
@@ -68,7 +68,7 @@ def candidates(sighting: Sighting, mark: Pose, most: int) -> tuple[Candidate, ..
         for turn in turns
     ]
     tried.sort(key=lambda candidate: candidate.misfit)
-    basins: list[Candidate] = []
+    basins: list[TriedPose] = []
     for candidate in tried:
         if all(not near(candidate.pose, other.pose) for other in basins):
             basins.append(candidate)
@@ -77,7 +77,7 @@ def candidates(sighting: Sighting, mark: Pose, most: int) -> tuple[Candidate, ..
     return tuple(basins)
 
 
-def polished(sighting: Sighting, candidate: Candidate) -> Candidate:
+def polished(sighting: LookSet, candidate: TriedPose) -> TriedPose:
     """Return the best pose by a descent over neighbours; unlike a fit of surfaces, moved objects do not bias it."""
     for step_m, step_deg in _POLISH:
         turn_rad = math.radians(step_deg)
@@ -92,7 +92,7 @@ def polished(sighting: Sighting, candidate: Candidate) -> Candidate:
     return candidate
 
 
-def along_surfaces(sighting: Sighting, candidate: Candidate, scale: float) -> tuple[Candidate, ...]:
+def along_surfaces(sighting: LookSet, candidate: TriedPose, scale: float) -> tuple[TriedPose, ...]:
     """Return poses shifted along each upright surface in view, with the same heading.
 
     A surface looks the same along its whole length, so that a fit can be wrong along it without a residual. The
@@ -118,9 +118,9 @@ def along_surfaces(sighting: Sighting, candidate: Candidate, scale: float) -> tu
     return tuple(_tried(sighting, pose, scale) for pose in places)
 
 
-def _tried(sighting: Sighting, pose: Pose, scale: float = 1.0) -> Candidate:
+def _tried(sighting: LookSet, pose: Pose, scale: float = 1.0) -> TriedPose:
     """Return the misfit of a pose of the first look; the poses of the others follow by odometry."""
-    return Candidate(pose, misfit_of(sighting, [pose.compose(look.odometry) for look in sighting.looks], scale))
+    return TriedPose(pose, misfit_of(sighting, [pose.compose(look.odometry) for look in sighting.looks], scale))
 
 
 def near(pose: Pose, other: Pose, share: float = 1.0) -> bool:

@@ -1,70 +1,23 @@
-"""The base class of models (`Policy`) and the description of a model (`ModelCard`)."""
+"""The base class of models: `Policy`."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
 from vsnbench.models.task import Task
-from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.site import Site
-from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
-from vsnbench.values.goal import GoalKind
-from vsnbench.values.movement import ActionKind
-from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.model.card import ModelCard
+from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
-
-@dataclass(frozen=True, slots=True)
-class ModelCard:
-    """Requirements and identity of a model."""
-
-    name: str
-    goals: frozenset[str] | None = None
-    """Goal categories that the model knows; None for any category."""
-    sensors: frozenset[Sensor] = frozenset()
-    """Sensors that the model needs. The robot must have all of them; the model receives no others."""
-    action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})
-    """Kinds of answers that the model gives. The robot must be able to execute all of them."""
-    weights_sha256: str = ""
-    weights_label: str = ""
-    """Short description of the weights, shown in every table."""
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    """Everything else that results depend on, such as the precision. JSON-serializable; part of the identity."""
-    runs_on: Mapping[str, str | int | None] = field(default_factory=dict, compare=False)
-    """Device, runtime and number of threads. Recorded as provenance; not part of the identity."""
-    code: Mapping[str, str] = field(default_factory=dict)
-    """For a model in another process: the description of its source that its server sends. Part of the identity."""
-    files: Mapping[str, str] = field(default_factory=dict)
-    """For a model in another process: SHA-256 of the files that it received, by option."""
-    forward_m: float | None = field(default=None, compare=False)
-    """Length of MOVE_FORWARD that the model assumes; None if it uses the task's. Not part of the identity."""
-    turn_deg: float | None = field(default=None, compare=False)
-    """Angle of TURN_LEFT that the model assumes; None if it uses the task's. Not part of the identity."""
-    action_map: Mapping[Action, Action] = field(default_factory=dict)
-    """What the robot does for LOOK_UP and LOOK_DOWN: `{Action.LOOK_UP: Action.NOOP, Action.LOOK_DOWN: Action.NOOP}`. An
-    episode in which the model answers with one that is not here ends as model_error. Part of the identity."""
-    stand_in: bool = False
-    """Whether the weights only stand in for the model's own. Such a model must not drive a real robot."""
-    camera: TrainedCamera | None = field(default=None, compare=False)
-    """Camera that the model was trained with; None if it is not stated. Not part of the identity."""
-    goal_kinds: frozenset[GoalKind] = frozenset({GoalKind.CATEGORY})
-    """Kinds of goals that the model takes. A model of text goals also takes categories, as words. Not part of the
-    identity."""
-
-    def __post_init__(self) -> None:
-        """Make the texts that tables show printable. The registry refuses a card whose texts are not strings."""
-        for name in ("name", "weights_label"):
-            text = getattr(self, name)
-            if isinstance(text, str):
-                object.__setattr__(self, name, sanitize(text))
+__all__ = ["BatchPolicy", "ModelCard", "ModelCheck", "Policy", "Timing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,20 +57,11 @@ class Policy(ABC):
     """
 
     card: ModelCard
-    """Name, sensors, goals and settings of the model. Fixed when the model is loaded."""
+    """Name, sensors, goals and settings of the model. Fixed when the model is loaded. A class whose constructor sets it
+    can have a card, too, for what `vsnbench models show` prints without creating the model."""
 
     needs_survey: bool = False
     """Whether `survey` is called before each `reset`. Such a model is recorded as an upper bound."""
-
-    known_goals: ClassVar[Sequence[str] | None] = None
-    """Goal categories, for `vsnbench models show`. None for any category. `card.goals` decides in a run."""
-
-    needed_sensors: ClassVar[Sequence[Sensor]] = ()
-    """Sensors, for `vsnbench models show`. `card.sensors` decides in a run."""
-
-    default_card: ClassVar[ModelCard | None] = None
-    """Kinds of goals and answers, and step sizes, for `vsnbench models show`, if `card` is set in the constructor.
-    `card` decides in a run."""
 
     weights_file: ClassVar[str] = ""
     """Name of the weights in the directory of weights; empty if the model has none."""

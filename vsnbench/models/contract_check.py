@@ -17,7 +17,7 @@ from vsnbench.models.fit.decision import fitting_decision
 from vsnbench.models.fit.goal import word_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.step_sizes import assumed_steps
-from vsnbench.models.task import ProtocolFacts, RobotFacts, Task, task_of
+from vsnbench.models.task import RobotFacts, Task, task_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.text.sanitize import error_line, sanitize
@@ -139,11 +139,10 @@ def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) ->
         profile: robot of the task; None for a robot of common size.
     """
     paper = ProtocolParameters()
-    protocol = ProtocolFacts(paper.name, paper.forward_m, paper.turn_deg, paper.success_distance_m, paper.max_actions)
     robot = RobotFacts("synthetic", 0.18, 0.6, 0.5, 1.5, _camera(640, 480))
     if profile is not None:
         robot = replace(task_of(goal, seed, paper, profile).robot, camera=robot.camera)
-    return Task(goal, seed, protocol, robot)
+    return Task(goal, seed, paper, robot)
 
 
 def _camera(width: int, height: int) -> Camera:

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.names import is_address
-from vsnbench.models.registry import card_problem, keywords_of, locate
-from vsnbench.values.observation import Sensor
+from vsnbench.models.registry import keywords_of, locate
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +21,8 @@ class ModelDescription:
     summary: str
     keywords: Mapping[str, str]
     """Constructor parameters with their defaults as text; those in `registry.FLAGS` are command line options."""
-    goals: tuple[str, ...] | None
-    """None: any goal, or unknown."""
-    sensors: tuple[Sensor, ...]
     card: ModelCard | None
-    """Card of the class, for the kinds of goals and answers and the step sizes; None if only an instance has one."""
+    """Card of the class, which the created model may refine; None if only an instance has one."""
     weights_file: str
     """Name of the weights in the directory of weights; empty if the model has none."""
     settings_class: type[BaseModel] | None
@@ -53,9 +48,7 @@ def describe_model(name: str) -> ModelDescription:
         where=where,
         summary=text.partition("\n")[0].removeprefix(f"The model `{name}`: ").removesuffix("."),
         keywords=keywords_of(factory),
-        goals=None if policy.known_goals is None else tuple(policy.known_goals),
-        sensors=tuple(policy.needed_sensors),
-        card=_card_of(policy, name),
+        card=card if isinstance(card := getattr(policy, "card", None), ModelCard) else None,
         weights_file=policy.weights_file,
         settings_class=policy.settings_class,
         can_check=inspect.getattr_static(policy, "check") is not inspect.getattr_static(Policy, "check"),
@@ -73,19 +66,8 @@ def _describe_server(url: str) -> ModelDescription:
         where=url,
         summary=f"a served model{f', {card.weights_label}' if card.weights_label else ''}",
         keywords={"model_config": "None"},
-        goals=None if card.goals is None else tuple(sorted(card.goals)),
-        sensors=tuple(sorted(card.sensors)),
         card=card,
         weights_file="",
         settings_class=RemoteSettings,
         can_check=False,
     )
-
-
-def _card_of(policy: type[Policy], name: str) -> ModelCard | None:
-    card = getattr(policy, "card", None)
-    if not isinstance(card, ModelCard):
-        return policy.default_card
-    if problem := card_problem(card):
-        raise ModelError(f"model {name}: its card's {problem}", code="invalid-card")
-    return card

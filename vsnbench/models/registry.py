@@ -5,23 +5,22 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.names import class_of, is_address, known_models
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
-from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.plugins import import_factory, unknown_name
 from vsnbench.runtime.floating_point import floating_point_restored
+from vsnbench.settings.validation import first_error
 from vsnbench.text.sanitize import error_line
-from vsnbench.values.action import can_replace
-from vsnbench.values.goal import GoalKind
-from vsnbench.values.movement import ActionKind
-from vsnbench.values.observation import Sensor
+from vsnbench.values.model.card import copy_of
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
 
-FLAGS = frozenset({"weights", "model_config", "device", "act_timeout"})
+FLAGS = frozenset({"weights", "model_config", "device"})
 """Constructor parameters of a policy that are options of the command line."""
 
 
@@ -66,7 +65,8 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
     except (VsnbenchError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        raise _not_created(name, where, take_refused_exit() or error_line(error)) from None
+        reason = take_refused_exit() or error_line(error)
+        raise _invalid_card(name, where, error) or _not_created(name, where, reason) from None
     if refused_exit := take_refused_exit():
         raise _not_created(name, where, refused_exit)
     if not isinstance(policy, Policy) or not isinstance(getattr(policy, "card", None), ModelCard):
@@ -81,8 +81,10 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
             advice="set `needs_survey = True`",
             code="survey-not-declared",
         )
-    if problem := card_problem(policy.card):
-        raise ModelError(f"model {name}: {where}: its card's {problem}", code="invalid-card")
+    try:
+        copy_of(policy.card)
+    except ValidationError as error:
+        raise _invalid_card(name, where, error) or error from error
     return policy
 
 
@@ -90,48 +92,14 @@ def _not_created(name: str, where: str, reason: str) -> ModelError:
     return ModelError(f"model {name}: cannot create {where}: {reason}", code="model-not-created")
 
 
-def card_problem(card: ModelCard) -> str:
-    """Return what is wrong with a third party's card, or an empty string."""
-    texts: tuple[object, ...] = (card.name, card.weights_sha256, card.weights_label)
-    if not all(isinstance(text, str) for text in texts) or not card.name.strip():
-        return "name, weights_sha256 and weights_label must be strings, and the name must not be empty"
-    if not _is_set_of(card.sensors, Sensor):
-        return "sensors must be a frozenset of Sensor: frozenset({Sensor.RGB})"
-    if not _is_set_of(card.action_kinds, ActionKind) or not card.action_kinds:
-        return "action_kinds must be a frozenset of ActionKind: frozenset({ActionKind.WAYPOINT})"
-    if card.goals is not None and not _is_set_of(card.goals, str):
-        return "goals must be None or a frozenset of categories: frozenset({'chair'})"
-    if not _is_set_of(card.goal_kinds, GoalKind) or not card.goal_kinds:
-        return "goal_kinds must be a frozenset of GoalKind: frozenset({GoalKind.TEXT})"
-    mapped: object = card.action_map
-    if not isinstance(mapped, Mapping) or not all(can_replace(*pair) for pair in mapped.items()):
-        return "action_map must map LOOK_UP and LOOK_DOWN to other actions: {Action.LOOK_UP: Action.NOOP}"
-    steps: tuple[object, ...] = (card.forward_m, card.turn_deg)
-    if not all(size is None or (isinstance(size, int | float) and size > 0) for size in steps):
-        return "forward_m and turn_deg must be None or numbers above 0"
-    camera: object = card.camera
-    if camera is not None and not isinstance(camera, TrainedCamera):
-        return "camera must be None or a TrainedCamera: TrainedCamera(mount_height_m=0.88, horizontal_fov_deg=79)"
-    settings: object = card.settings
-    return _not_serializable(settings, "settings") if isinstance(settings, Mapping) else "settings must be a mapping"
-
-
-def _is_set_of(value: object, kind: type) -> bool:
-    return isinstance(value, frozenset) and all(isinstance(item, kind) for item in value)
-
-
-def _not_serializable(value: object, where: str) -> str:
-    """Return which part of a card's settings cannot be stored as JSON, or an empty string."""
-    if value is None or isinstance(value, str | bool | int | float):
-        return ""
-    if isinstance(value, Mapping):
-        problems = (_not_serializable(item, f"{where}[{name!r}]") for name, item in value.items())
-        return next(filter(None, problems), "")
-    if isinstance(value, list | tuple | set | frozenset):
-        return next(filter(None, (_not_serializable(item, f"an item of {where}") for item in value)), "")
-    if type(value).__module__ == "numpy":
-        return ""
-    return f"{where} must be JSON (strings, numbers, lists, mappings), not {type(value).__name__}"
+def _invalid_card(name: str, where: str, error: BaseException | None) -> ModelError | None:
+    """Return the error of a card that was refused when the model's code created it; None for other errors."""
+    if not isinstance(error, ValidationError) or error.title != ModelCard.__name__:
+        return None
+    field, problem = first_error(error, ModelCard)
+    return ModelError(
+        f"model {name}: {where}: its card's {field}: {problem.statement}", advice=problem.advice, code="invalid-card"
+    )
 
 
 def locate(name: str) -> tuple[str, Any]:
@@ -139,7 +107,7 @@ def locate(name: str) -> tuple[str, Any]:
 
     Raises:
         UsageError: the model does not exist.
-        ModelError: the class cannot be imported.
+        ModelError: the class cannot be imported, or its card is invalid.
     """
     if is_address(name):
         from vsnbench.models.remote.policy import RemotePolicy
@@ -148,7 +116,10 @@ def locate(name: str) -> tuple[str, Any]:
     where = class_of(name)
     if ":" not in where:
         raise unknown_name("model", name, known_models())
-    return where, import_factory(where, "model", name, ModelError)
+    try:
+        return where, import_factory(where, "model", name, ModelError)
+    except ModelError as error:
+        raise _invalid_card(name, where, error.__cause__) or error from error.__cause__
 
 
 def keywords_of(factory: Any) -> dict[str, str]:

@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import success_region
@@ -19,7 +20,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.geometry.line_of_sight import sight
 from vsnbench.sites.geometry.walls import solid_shapes
 from vsnbench.sites.site import Site
-from vsnbench.sites.targets import targets_of
+from vsnbench.sites.targets import Target, targets_of
 from vsnbench.values.pose import Pose
 
 Floats = npt.NDArray[np.float64]
@@ -30,6 +31,9 @@ APPROACHED = 0.5
 LOW_PERCENTILE = 5
 _SAMPLE_M = 0.05
 """Distance between the points of a path at which clearance is measured."""
+
+
+_Goal = tuple[Sequence[Target], BaseGeometry]
 
 
 class Stage(StrEnum):
@@ -98,18 +102,18 @@ class CourseMap:
         self.site, self._radius_m, self._parameters = site, radius_m, parameters
         self._half_view_rad = None if field_of_view_deg is None else math.radians(field_of_view_deg) / 2
         self._solids = shapely.STRtree(solid_shapes(site))
+        self._goals: dict[str, _Goal | None] = {}
 
     def approach(self, goal: str, poses: Sequence[Pose]) -> Approach | None:
         """Return how the robot came near a goal; None if the site has no target of it, or without poses."""
-        if not poses or not targets_of(self.site, goal):
+        if not poses or (found := self._of_goal(goal)) is None:
             return None
+        targets, region = found
         space = free_space(self.site, self._radius_m)
-        region = success_region(self.site, goal, self._parameters)
-        shapely.prepare(region)
         places = np.array([pose.position for pose in poses], np.float64)
         return Approach(
-            in_view=self._in_view(goal, poses, places),
-            remaining_m=np.array([space.geodesic_to_goal_m(pose, goal, self._parameters) for pose in poses]),
+            in_view=self._in_view(targets, poses, places),
+            remaining_m=space.geodesics_to_goal_m(places, goal, self._parameters),
             reached=np.asarray(shapely.intersects_xy(region, places[:, 0], places[:, 1]), bool),
         )
 
@@ -124,14 +128,24 @@ class CourseMap:
         edge_m = np.maximum(np.asarray(centre_m, np.float64) - self._radius_m, 0.0)
         return Clearance(float(edge_m.min()), float(np.percentile(edge_m, LOW_PERCENTILE)))
 
-    def _in_view(self, goal: str, poses: Sequence[Pose], places: Floats) -> Flags | None:
+    def _of_goal(self, goal: str) -> _Goal | None:
+        """Return the targets of a goal and its success region; None if the site has no target of it."""
+        if goal not in self._goals:
+            targets = targets_of(self.site, goal)
+            region = success_region(self.site, goal, self._parameters) if targets else None
+            if region is not None:
+                shapely.prepare(region)
+            self._goals[goal] = None if region is None else (targets, region)
+        return self._goals[goal]
+
+    def _in_view(self, targets: Sequence[Target], poses: Sequence[Pose], places: Floats) -> Flags | None:
         if self._half_view_rad is None:
             return None
         walls = sight(self.site).walls
         here = np.asarray(shapely.points(places), dtype=object)
         headings = np.array([pose.heading_rad for pose in poses], np.float64)
         seen = np.zeros(len(poses), bool)
-        for target in targets_of(self.site, goal):
+        for target in targets:
             centre = np.array([target.shape.centroid.x, target.shape.centroid.y])
             nearest = shapely.get_coordinates(shapely.shortest_line(here, target.shape)).reshape(-1, 2, 2)[:, 1]
             for ends in (nearest, np.broadcast_to(centre, places.shape)):

@@ -31,11 +31,13 @@ _TILE = 16
 """Side of a tile, cells."""
 _BAND_M = 4 * RESOLUTION_M
 """Limit of the distances in the level function; beyond it only the sign matters."""
+_PAIR = np.arange(2)
 _OUTLINE_M = 1e-3
 """Tolerance of the polygons that approximate regions."""
 
 FloatGrid = npt.NDArray[np.float64]
 BoolGrid = npt.NDArray[np.bool_]
+Integers = npt.NDArray[np.int_]
 
 
 class FreeSpace:
@@ -145,6 +147,46 @@ class FreeSpace:
         the start.
         """
         return self._interpolate(self.geodesic_field_m(goal, parameters), start)
+
+    def geodesics_to_goal_m(
+        self, places: npt.NDArray[np.float64], goal: str, parameters: ProtocolParameters
+    ) -> npt.NDArray[np.float64]:
+        """Return `geodesic_to_goal_m` of many positions at once.
+
+        Args:
+            places: (n, 2) positions in the site, metres.
+            goal: name of the goal.
+            parameters: rules of the trial.
+        """
+        field = self.geodesic_field_m(goal, parameters)
+        rows, columns = field.shape
+        across, up = (places - (self.origin_x_m, self.origin_y_m)).T / RESOLUTION_M
+        inside = (across >= -0.5) & (across <= columns - 0.5) & (up >= -0.5) & (up <= rows - 0.5)
+        found = np.full(len(places), np.inf)
+        across, up = across[inside], up[inside]
+        row, column = np.clip(up.astype(int), 0, rows - 2), np.clip(across.astype(int), 0, columns - 2)
+        corners = field[row[:, None, None] + _PAIR[:, None], column[:, None, None] + _PAIR]
+        v, u = np.clip(up - row, 0.0, 1.0), np.clip(across - column, 0.0, 1.0)
+        free = np.isfinite(corners).all(axis=(1, 2))
+        weighted = np.stack([1 - v, v], axis=1)[:, None, :] @ np.where(free[:, None, None], corners, 0.0)
+        value = (weighted @ np.stack([1 - u, u], axis=1)[:, :, None])[:, 0, 0]
+        if not free.all():
+            value[~free] = self._near_free(field, row[~free], column[~free], up[~free], across[~free])
+        found[inside] = value
+        return found
+
+    def _near_free(
+        self, field: FloatGrid, row: Integers, column: Integers, up: FloatGrid, across: FloatGrid
+    ) -> FloatGrid:
+        """Return the shortest ways from cells next to solids: to a free cell within reach, and from there."""
+        rows, columns = field.shape
+        around = np.arange(-_REACH_CELLS, _REACH_CELLS + 1)
+        at_row, at_column = row[:, None] + around, column[:, None] + around
+        exists = ((at_row >= 0) & (at_row < rows))[:, :, None] & ((at_column >= 0) & (at_column < columns))[:, None, :]
+        near = field[at_row.clip(0, rows - 1)[:, :, None], at_column.clip(0, columns - 1)[:, None, :]]
+        way_there = RESOLUTION_M * np.hypot((at_row - up[:, None])[:, :, None], (at_column - across[:, None])[:, None])
+        within_reach = exists & (way_there <= RESOLUTION_M * _REACH_CELLS)
+        return np.asarray(np.where(within_reach, near + way_there, np.inf).min(axis=(1, 2)), np.float64)
 
     def remaining_m(self, end: Pose, goal: str, parameters: ProtocolParameters) -> float:
         """Return `geodesic_to_goal_m` of the end of an episode, where the base may touch or overlap a solid.

@@ -13,7 +13,8 @@ from pydantic import BaseModel, Field, model_validator
 
 from vsnbench.errors import ProtocolError, UsageError
 from vsnbench.protocol.parameters import PAPER_PROTOCOL, ProtocolParameters
-from vsnbench.settings.yaml_file import SettingsFault, read_settings, settings_faults
+from vsnbench.settings.validation import SettingsFault
+from vsnbench.settings.yaml_file import read_settings, settings_faults
 from vsnbench.text.suggestions import closest
 
 _PAPER_SECTION = "paper, Section 4.1"

@@ -11,7 +11,7 @@ from sqlalchemy import Engine
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report.analysis.activity import ActionCount, Activity, read_actions, read_robots
 from vsnbench.report.analysis.conditions import Selection
-from vsnbench.report.analysis.courses import measure_courses
+from vsnbench.report.analysis.courses import Examined, measure_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.failures import read_failures
 from vsnbench.report.analysis.judgements import RaterAgreement, read_judgements, read_rater_agreements
@@ -19,23 +19,16 @@ from vsnbench.report.analysis.operators import OperatorActivity, read_operator_a
 from vsnbench.report.analysis.summary import Results, summarise
 from vsnbench.report.comparison.question import Question, questions
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
+from vsnbench.report.table import ReportTable
+from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
 from vsnbench.report.tables.operators import operator_table, session_table
 from vsnbench.report.tables.progress import progress_tables
 from vsnbench.report.tables.question import question_tables
 from vsnbench.report.tables.reference import paper_comparison_table, paper_stability_table
-from vsnbench.report.tables.report_table import ReportTable
 from vsnbench.report.tables.second_judgements import second_judgement_tables
 from vsnbench.report.tables.sensitivity import drift_table, failure_table, judgement_table, sensitivity_tables
 from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
-from vsnbench.report.tables.success import (
-    action_table,
-    definition_table,
-    end_reason_table,
-    goal_table,
-    overview_table,
-    stability_table,
-    start_table,
-)
+from vsnbench.report.tables.success import goal_table, overview_table, start_table
 from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import sanitize
@@ -111,8 +104,8 @@ class Report:
         if self.reference:
             tables.append(paper_comparison_table(results))
         tables += self._sim_vs_real_tables(long=long)
-        if any(summary.ends for summary in results.conditions):
-            tables.append(end_reason_table(results))
+        if (ends := end_reason_table(results)).rows:
+            tables.append(ends)
         if activity:
             tables.append(stability_table(activity.robots))
             if self.reference:
@@ -187,7 +180,8 @@ def build(
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
             results = summarise(record)
-            measured, courses = measure_courses(engine, record)
+            examined: Examined = {}
+            measured, courses = measure_courses(engine, record, examined=examined)
             record = replace(record, courses=measured)
             report = Report(
                 record,
@@ -200,7 +194,7 @@ def build(
             robots = read_robots(engine, record)
             if meanwhile:
                 meanwhile(report)
-            failures, judgements = read_failures(engine, record), read_judgements(engine, record)
+            failures, judgements = read_failures(engine, record, examined), read_judgements(engine, record)
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 

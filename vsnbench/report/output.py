@@ -14,7 +14,7 @@ from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
 from vsnbench.report.formats.latex import document, label, latex
 from vsnbench.report.formats.markdown import markdown
-from vsnbench.report.tables.report_table import ReportTable
+from vsnbench.report.table import ReportTable
 
 Named = TypeVar("Named", ReportTable, Drawing)
 

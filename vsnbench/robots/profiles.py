@@ -5,7 +5,8 @@ from pathlib import Path
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.ros.interface_kinds import KnownInterface
 from vsnbench.ros.ros2.interface import in_namespace
-from vsnbench.settings.yaml_file import SettingsFault, read_settings, settings_faults
+from vsnbench.settings.validation import SettingsFault
+from vsnbench.settings.yaml_file import read_settings, settings_faults
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
 

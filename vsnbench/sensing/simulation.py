@@ -3,6 +3,7 @@
 from pydantic import ValidationError
 
 from vsnbench.errors import RobotError
+from vsnbench.settings.validation import first_error
 from vsnbench.values.robot_identity import SimulationAccount
 
 PLACE = "/simulation/place_robot"
@@ -28,10 +29,9 @@ def read_account(text: str) -> SimulationAccount:
     try:
         return SimulationAccount.model_validate_json(text)
     except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or "the message"
+        field, problem = first_error(error, SimulationAccount)
         raise RobotError(
-            f"the simulator's message on {ACCOUNT} is invalid: {field}: {first['msg']}",
+            f"the simulator's message on {ACCOUNT} is invalid: {field or 'the message'}: {problem.statement}",
             advice="run the same version of vsnbench on both machines",
             code="invalid-simulation-account",
         ) from error

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from vsnbench.settings.field_types import (
@@ -37,7 +36,7 @@ class FieldsError(ValueError):
         self.errors = tuple(errors)
 
 
-def describe_errors(detail: ErrorDetails, model: type[BaseModel]) -> list[tuple[Location, FieldError]]:
+def describe_errors(detail: ErrorDetails, model: type) -> list[tuple[Location, FieldError]]:
     """Describe an error that pydantic found in a file with this model, with its place; a `FieldsError` has several."""
     cause = detail.get("ctx", {}).get("error")
     if not isinstance(cause, FieldsError):
@@ -45,7 +44,7 @@ def describe_errors(detail: ErrorDetails, model: type[BaseModel]) -> list[tuple[
     return [((*detail["loc"], *place), _statement_and_advice(text)) for place, text in cause.errors]
 
 
-def describe_error(detail: ErrorDetails, model: type[BaseModel]) -> FieldError:
+def describe_error(detail: ErrorDetails, model: type) -> FieldError:
     """Describe an error that pydantic found."""
     error = _describe(detail, model)
     if error.advice or detail["type"] in _SELF_EXPLANATORY:
@@ -57,7 +56,7 @@ _SELF_EXPLANATORY = {"extra_forbidden", "value_error", "missing", "invalid_key",
 _SELF_EXPLANATORY |= _MAPPING_ERRORS
 
 
-def _describe(detail: ErrorDetails, model: type[BaseModel]) -> FieldError:
+def _describe(detail: ErrorDetails, model: type) -> FieldError:
     kind, given, place = detail["type"], detail["input"], detail["loc"]
     if kind == "extra_forbidden" and given is None and " " in str(place[-1]):  # YAML reads `{ note: a, b c }` like this
         advice = "is it the end of a text with a comma? Put the whole text into quotation marks"
@@ -80,6 +79,8 @@ def _describe(detail: ErrorDetails, model: type[BaseModel]) -> FieldError:
         return _not_a_mapping(given, types_at(model, place), models_at(model, place))
     if kind in _TEXT_ERRORS:
         return _not_text(detail)
+    if kind == "frozen_set_type":
+        return FieldError(f"expected a frozenset, got {as_written(given)}")
     if kind in _BOOLEAN_ERRORS:
         return FieldError(f"expected true or false, got {as_written(given)}")
     if kind in {"literal_error", "enum"}:
@@ -99,7 +100,7 @@ def _statement_and_advice(text: str) -> FieldError:
     return FieldError(statement, advice)
 
 
-def _missing(given: Any, model: type[BaseModel], place: Location) -> FieldError:
+def _missing(given: Any, model: type, place: Location) -> FieldError:
     if isinstance(place[-1], int) and isinstance(given, list):
         wanted = max((length for expected in types_at(model, place[:-1]) for length in lengths_of(expected)), default=0)
         return FieldError(f"expected {wanted} values, got {len(given)}", description_at(model, place))
@@ -137,7 +138,7 @@ def _not_a_list(given: Any, wanted: list[Any]) -> FieldError:
     return FieldError(f"expected {what}, got {text!r}", f"write it in brackets and without quotes, as [{example}]")
 
 
-def _not_a_mapping(given: Any, wanted: list[Any], models: list[type[BaseModel]]) -> FieldError:
+def _not_a_mapping(given: Any, wanted: list[Any], models: list[type]) -> FieldError:
     fields = ", ".join((fields_of(models, required=True) or fields_of(models))[:5])
     statement = f"expected a mapping, got {as_written(given)}"
     if any(is_mapping(expected) for expected in wanted):
@@ -182,7 +183,7 @@ def _wrong_pattern(given: str, pattern: str, is_color: bool) -> FieldError:
     return FieldError(f"{given[:40]!r} has the wrong form", f"it must match {pattern}")
 
 
-def _suggest_field(model: type[BaseModel], location: Location) -> str:
+def _suggest_field(model: type, location: Location) -> str:
     fields = sorted(fields_of(models_at(model, location[:-1])))
     name = str(location[-1])
     near = get_close_matches(name, fields, n=1, cutoff=0.7)

@@ -3,18 +3,18 @@
 from types import UnionType
 from typing import Any, Union, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 Location = tuple[int | str, ...]
 """A field, as pydantic names it: ("walls", 2, "start")."""
 
 
-def models_at(model: type[BaseModel], location: Location) -> list[type[BaseModel]]:
+def models_at(model: type, location: Location) -> list[type]:
     """Return the models that a field may be, through lists, unions and tagged unions."""
     return [found for annotation in types_at(model, location) for found in _parts(annotation) if _is_model(found)]
 
 
-def types_at(model: type[BaseModel], location: Location) -> list[Any]:
+def types_at(model: type, location: Location) -> list[Any]:
     """Return the annotations that a field may have; a union gives each of its members."""
     here: list[Any] = [model]
     for part in location:
@@ -38,22 +38,22 @@ def lengths_of(annotation: Any) -> set[int]:
     return {len(shape) for shape in shapes if Ellipsis not in shape}
 
 
-def description_at(model: type[BaseModel], location: Location) -> str:
+def description_at(model: type, location: Location) -> str:
     """Return the model's description of a field or of the list around it, or an empty string."""
     while location and isinstance(location[-1], int):
         location = location[:-1]
     if not location:
         return ""
     for found in models_at(model, location[:-1]):
-        for name, field in found.model_fields.items():
+        for name, field in _declared(found).items():
             if location[-1] in (name, field.alias):
                 return field.description or ""
     return ""
 
 
-def fields_of(models: list[type[BaseModel]], *, required: bool = False) -> list[str]:
+def fields_of(models: list[type], *, required: bool = False) -> list[str]:
     """Return the names of all fields, or of the required ones."""
-    fields = (item for model in models for item in model.model_fields.items())
+    fields = (item for model in models for item in _declared(model).items())
     return list(dict.fromkeys(field.alias or name for name, field in fields if field.is_required() or not required))
 
 
@@ -65,7 +65,7 @@ def _inside(here: list[Any], part: int | str) -> list[Any]:
         field.annotation
         for member in alternatives
         if _is_model(member)
-        for name, field in member.model_fields.items()
+        for name, field in _declared(member).items()
         if part in (name, field.alias)
     ]
     if fields:
@@ -100,4 +100,10 @@ def _parts(annotation: Any) -> list[Any]:
 
 
 def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and get_origin(annotation) is None and issubclass(annotation, BaseModel)
+    return isinstance(annotation, type) and get_origin(annotation) is None and bool(_declared(annotation))
+
+
+def _declared(model: type) -> dict[str, FieldInfo]:
+    """Return the fields of a pydantic model or dataclass; none for other types."""
+    fields: dict[str, FieldInfo] = getattr(model, "__pydantic_fields__", {})
+    return fields

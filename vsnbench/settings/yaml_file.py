@@ -1,16 +1,13 @@
 """Reads YAML files into pydantic models, with errors that name the line and the field, and with size limits."""
 
 import io
-import math
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -19,10 +16,8 @@ from ruamel.yaml.reader import ReaderError
 from vsnbench.errors import VsnbenchError
 from vsnbench.files.bounded_json import LONGEST_INTEGER
 from vsnbench.files.regular import open_regular
-from vsnbench.settings.field_errors import describe_errors
-from vsnbench.settings.number_errors import FieldError, as_written
-
-Settings = TypeVar("Settings", bound=BaseModel)
+from vsnbench.settings.field_types import Location
+from vsnbench.settings.validation import InvalidSettingsError, Settings, SettingsFault, validated
 
 MAX_CHARACTERS = 2_000_000
 """Maximum length of a file; a site of a thousand objects has a twentieth of it."""
@@ -31,40 +26,6 @@ MAX_VALUES = 250_000
 MAX_SEPARATORS = 100_000
 """Maximum number of line ends, colons, commas and hyphens. The parser takes 5 s for them; a site of a thousand objects
 has a fifth."""
-MOST_FAULTS = 100
-"""Faults that are described; each costs time in proportion to the length of the file."""
-
-
-@dataclass(frozen=True, slots=True)
-class SettingsFault:
-    """One error in a file."""
-
-    where: str
-    """`file:line: field (name)`, as far as known, for instance `flat.yaml:3: objects.0.size_m (sofa-1)`."""
-    statement: str
-    advice: str = ""
-    """The likely fix, or an empty string."""
-    line: int | None = None
-    """Line of the file, from 1."""
-    path: tuple[int | str, ...] = ()
-    """The field: ("walls", 2, "start")."""
-    code: str = "invalid-yaml"
-
-    @property
-    def problem(self) -> str:
-        """The statement and the advice."""
-        return self.statement + (f": {self.advice}" if self.advice else "")
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.problem}"
-
-
-class _InvalidFileError(Exception):
-    def __init__(self, *faults: SettingsFault, number: int = 0) -> None:
-        super().__init__(str(faults[0]))
-        self.faults = faults[:MOST_FAULTS]
-        self.more = max(number, len(faults)) - len(self.faults)
-        """Number of further faults."""
 
 
 def read_settings(path: Path, model: type[Settings], error: type[VsnbenchError], what: str) -> Settings:
@@ -95,11 +56,8 @@ def parse_settings(
     """
     try:
         return _parse(text, origin, model, what, {DIRECTORY: directory})
-    except _InvalidFileError as invalid:
-        first = invalid.faults[0]
-        others = len(invalid.faults) - 1 + invalid.more
-        more = f" (and {others} more)" if others else ""
-        raise error(f"{first}{more}", code=first.code) from invalid
+    except InvalidSettingsError as invalid:
+        raise invalid.as_error(error) from invalid
 
 
 CHECKING = "checking"
@@ -125,8 +83,8 @@ def parse_plain(text: str, origin: str, error: type[VsnbenchError], what: str) -
     """
     try:
         _, content = _read_yaml(text, origin)
-    except _InvalidFileError as invalid:
-        raise error(str(invalid.faults[0]), code=invalid.faults[0].code) from invalid
+    except InvalidSettingsError as invalid:
+        raise invalid.as_error(error) from invalid
     if not isinstance(content, dict):
         raise error(f"{origin}: a {what} file must be a mapping", code="invalid-yaml")
     return content
@@ -138,7 +96,7 @@ def text_faults(
     """Return the first faults of a text, and their number if there are more than MOST_FAULTS; see `parse_settings`."""
     try:
         _parse(text, origin, model, what, {CHECKING: True, DIRECTORY: directory})
-    except _InvalidFileError as invalid:
+    except InvalidSettingsError as invalid:
         rest = [SettingsFault(origin, f"{invalid.more:,} more errors", code=invalid.faults[0].code)]
         return [*invalid.faults, *(rest if invalid.more else [])]
     return []
@@ -160,58 +118,15 @@ def _parse(text: str, origin: str, model: type[Settings], what: str, context: di
     if not isinstance(content, dict):
         required = [name for name, field in model.model_fields.items() if field.is_required()]
         fields = ", ".join(required or model.model_fields)
-        raise _InvalidFileError(SettingsFault(f"{origin}:1", f"a {what} file must be a mapping with {fields}", line=1))
-    faults: list[SettingsFault] = []
+        raise InvalidSettingsError(
+            SettingsFault(f"{origin}:1", f"a {what} file must be a mapping with {fields}", line=1)
+        )
 
-    def add(path: tuple[int | str, ...], error: FieldError) -> None:
-        line = _line_of(tree, path)
-        where = f"{origin}:{line}: {'.'.join(map(str, path)) or what}{_name_around(content, path)}"
-        faults.append(SettingsFault(where, error.statement, error.advice, line, path, error.code))
+    def place_of(location: Location) -> tuple[Location, int]:
+        path = _written_path(tree, location)
+        return path, _line_of(tree, path)
 
-    settings: Settings | None = None
-    number = 0
-    try:
-        settings = model.model_validate(content, context=context)
-    except ValidationError as problem:
-        # A misspelt field is also reported as missing under its right name; the misspelling is the useful error.
-        details = sorted(problem.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
-        number = len(details)
-        for detail in details[:MOST_FAULTS]:
-            for place, described in describe_errors(detail, model):
-                add(_written_path(tree, place), described)
-    known = {fault.path for fault in faults}
-    for path, value in islice(_non_finite_numbers(content, ()), MOST_FAULTS):
-        if path not in known:
-            add(path, FieldError(f"expected a finite number, got {as_written(value)}"))
-    if faults or settings is None:
-        raise _InvalidFileError(*faults, number=number)
-    return settings
-
-
-def _non_finite_numbers(content: Any, path: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], float]]:
-    """Yield the path and value of each NaN and infinity; no settings file may have them."""
-    if isinstance(content, float) and not math.isfinite(content):
-        yield path, content
-    elif isinstance(content, dict):
-        for name, value in content.items():
-            yield from _non_finite_numbers(value, (*path, name))
-    elif isinstance(content, list):
-        for place, value in enumerate(content):
-            yield from _non_finite_numbers(value, (*path, place))
-
-
-def _name_around(content: Any, path: tuple[int | str, ...]) -> str:
-    """Return the name of the object, room or starting position that contains a field, in parentheses."""
-    name = ""
-    for part in path[:-1]:
-        try:
-            content = content[part]
-        except (LookupError, TypeError):
-            break
-        if isinstance(part, int) and isinstance(content, dict):
-            key = next((key for key in ("id", "name", "number") if isinstance(content.get(key), str | int)), "")
-            name = f"{'number ' * (key == 'number')}{content[key]}"[:40] if key and key != path[-1] else ""
-    return f" ({name})" if name.isprintable() and name else ""
+    return validated(content, model, what, origin, place_of, context)
 
 
 _KEPT_CHARACTERS = 100_000
@@ -228,8 +143,8 @@ def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
 
 
 def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
-    def invalid(problem: str, line: int | None = None) -> _InvalidFileError:
-        return _InvalidFileError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
+    def invalid(problem: str, line: int | None = None) -> InvalidSettingsError:
+        return InvalidSettingsError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
 
     if len(text) > MAX_CHARACTERS:
         raise invalid(f"longer than {MAX_CHARACTERS:,} characters")
@@ -244,12 +159,12 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
             SettingsFault(f"{origin}:{line}", f"field {name} is repeated", line=line)
             for line, name in _repeated_keys(tree)
         ]:
-            raise _InvalidFileError(*repeated)
+            raise InvalidSettingsError(*repeated)
         if long := [
             SettingsFault(f"{origin}:{line}", f"a number has {digits} digits", line=line)
             for line, digits in _long_integers(tree)
         ]:
-            raise _InvalidFileError(*long)
+            raise InvalidSettingsError(*long)
         if _count_values(tree, {}) > MAX_VALUES:
             raise invalid(f"aliases and merge keys expand to more than {MAX_VALUES:,} values")
         return tree, yaml.constructor.construct_document(tree)
@@ -320,7 +235,7 @@ def _repeated_keys(tree: Node) -> list[tuple[int, str]]:
     return sorted(repeated)
 
 
-def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+def _written_path(node: Node | None, location: Location) -> Location:
     """Return a location without the tag of a tagged union, as in interface.ros2.odometry: no file has it."""
     if isinstance(node, MappingNode) and len(location) >= 3 and isinstance(location[1], str):
         inner = next((value for key, value in node.value if key.value == location[0]), None)
@@ -330,7 +245,7 @@ def _written_path(node: Node | None, location: tuple[int | str, ...]) -> tuple[i
     return location
 
 
-def _line_of(node: Node | None, location: tuple[int | str, ...]) -> int:
+def _line_of(node: Node | None, location: Location) -> int:
     """Return the line, from 1, of the deepest node on the path to `location`."""
     line = 1
     for part in location:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.settings.yaml_file import SettingsFault
+from vsnbench.settings.validation import SettingsFault
 from vsnbench.site_checks.finding import Entry, Severity, SiteFinding
 from vsnbench.site_checks.headings import heading_findings
 from vsnbench.site_checks.objects import object_findings

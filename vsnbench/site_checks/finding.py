@@ -32,7 +32,7 @@ class PlaceKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class MarkedPlace:
     """Location of a finding on the floor plan, metres in the site's frame; without points it has none."""
 
     kind: PlaceKind = PlaceKind.POINTS
@@ -48,22 +48,22 @@ class Place:
         return {"type": self.kind.value, "coordinates": points}
 
 
-def points(*where: Point) -> Place:
+def points(*where: Point) -> MarkedPlace:
     """Return a place of single points."""
-    return Place(PlaceKind.POINTS, where)
+    return MarkedPlace(PlaceKind.POINTS, where)
 
 
-def stretch(start: Point, end: Point) -> Place:
+def stretch(start: Point, end: Point) -> MarkedPlace:
     """Return the line between two points as a place."""
-    return Place(PlaceKind.STRETCH, (start, end))
+    return MarkedPlace(PlaceKind.STRETCH, (start, end))
 
 
-def area(*corners: Point) -> Place:
+def area(*corners: Point) -> MarkedPlace:
     """Return the area inside an outline as a place."""
-    return Place(PlaceKind.AREA, corners)
+    return MarkedPlace(PlaceKind.AREA, corners)
 
 
-def outline(polygon: BaseGeometry) -> Place:
+def outline(polygon: BaseGeometry) -> MarkedPlace:
     """Return the exterior of a polygon as a place."""
     return area(*((x, y) for x, y in shapely.get_coordinates(shapely.get_exterior_ring(polygon))[:-1].tolist()))
 
@@ -85,7 +85,7 @@ class SiteFinding:
     """The rest of the sentence that begins with the subject: what is wrong, where and by how much."""
     advice: str = ""
     """The fix."""
-    place: Place = Place()
+    place: MarkedPlace = MarkedPlace()
     amount: float | None = None
     """Size of the error, in `unit`."""
     entries: tuple[Entry, ...] = ()

@@ -25,14 +25,8 @@ from shapely.geometry import LineString, Polygon, box
 from vsnbench.errors import SiteFileError, UsageError
 from vsnbench.files.package_data import resource_directory
 from vsnbench.settings.field_errors import FieldsError
-from vsnbench.settings.yaml_file import (
-    CHECKING,
-    DIRECTORY,
-    SettingsFault,
-    parse_settings,
-    read_settings,
-    settings_faults,
-)
+from vsnbench.settings.validation import SettingsFault
+from vsnbench.settings.yaml_file import CHECKING, DIRECTORY, parse_settings, read_settings, settings_faults
 from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, GOAL_CATEGORIES, suggest_category
 from vsnbench.sites.fields import Color, Point, Slug, StrictModel, check_outline
 from vsnbench.sites.goals import SiteGoal, check_references

@@ -44,18 +44,12 @@ class Arm(BaseModel):
         return tuple(_goal_name(goal) for goal in goals)
 
     @property
-    def elsewhere(self) -> bool:
-        """Whether another process serves the model."""
-        return self.model.startswith(("ws://", "wss://"))
-
-    @property
     def options(self) -> dict[str, Any]:
         """Options of the model; paths as written in the file."""
         given: dict[str, Any] = {
             "weights": Path(self.weights) if self.weights else None,
             "model_config": Path(self.model_settings) if self.model_settings else None,
             "device": self.device,
-            "act_timeout": self.act_timeout if self.elsewhere else None,
         }
         return {name: value for name, value in given.items() if value is not None}
 

@@ -53,7 +53,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class StoppingDecision:
     """State of a study with `stopping: decided`."""
 
     questions: tuple[Question, ...]
@@ -90,7 +90,7 @@ def two_sided(above: float, below: float) -> float:
     return min(1.0, 2 * min(above, below))
 
 
-def decide(study: StudyFile, blocks: Sequence[Block]) -> Decision:
+def decide(study: StudyFile, blocks: Sequence[Block]) -> StoppingDecision:
     """Return the decisions that the results so far support.
 
     Args:
@@ -114,7 +114,7 @@ def decide(study: StudyFile, blocks: Sequence[Block]) -> Decision:
         for place, test in enumerate(tests)
     )
     over = _stop_reason(study, tests, questions, dropped, rule)
-    return Decision(questions, dropped, over, rule.name, rule.planned)
+    return StoppingDecision(questions, dropped, over, rule.name, rule.planned)
 
 
 def min_units(study: StudyFile, blocks: Sequence[Block]) -> int | None:

@@ -5,7 +5,7 @@ fields where they mean "unknown".
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from typing import Any, Final
 
@@ -73,20 +73,7 @@ def checked_diagnostics(given: Diagnostics) -> Diagnostics:
     Raises:
         DecisionError: a part of them cannot be shown and recorded.
     """
-    return Diagnostics(
-        probabilities={
-            name: _probability(value, f"probabilities[{name!r}]")
-            for name, value in _named(given.probabilities, "probabilities")
-        },
-        boxes=tuple(_box(box, f"boxes[{k}]") for k, box in enumerate(_items(given.boxes, "boxes", MOST_BOXES))),
-        map=None if given.map is None else _map(given.map),
-        sub_goal=None if given.sub_goal is None else _point(given.sub_goal, "sub_goal"),
-        path=_points(given.path, "path"),
-        nodes=_points(given.nodes, "nodes"),
-        scalars={name: _number(value, f"scalars[{name!r}]") for name, value in _named(given.scalars, "scalars")},
-        note=_text(given.note, "note", MOST_NOTE_CHARACTERS),
-        details=_details(given.details),
-    )
+    return Diagnostics(**{name: check(getattr(given, name)) for name, check in _CHECKS.items()})
 
 
 def _kind(value: object) -> str:
@@ -212,6 +199,22 @@ def _details(value: object) -> dict[str, Any]:
     if reserved := {SHOWN, SENSING} & details.keys():
         raise DecisionError(f"details must not have the reserved key {min(reserved)!r}", advice="choose another key")
     return details
+
+
+_CHECKS: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "probabilities": lambda given: {
+        name: _probability(value, f"probabilities[{name!r}]") for name, value in _named(given, "probabilities")
+    },
+    "boxes": lambda given: tuple(_box(box, f"boxes[{k}]") for k, box in enumerate(_items(given, "boxes", MOST_BOXES))),
+    "map": lambda given: None if given is None else _map(given),
+    "sub_goal": lambda given: None if given is None else _point(given, "sub_goal"),
+    "path": lambda given: _points(given, "path"),
+    "nodes": lambda given: _points(given, "nodes"),
+    "scalars": lambda given: {name: _number(value, f"scalars[{name!r}]") for name, value in _named(given, "scalars")},
+    "note": lambda given: _text(given, "note", MOST_NOTE_CHARACTERS),
+    "details": _details,
+}
+"""Field of `Diagnostics` -> function that returns a validated copy of it."""
 
 
 class _Plain:

@@ -67,15 +67,3 @@ def test_an_unknown_signer_and_a_missing_signature_do_not_hold(place: Path, tmp_
     shutil.rmtree(directory / "signatures")
     unsigned = typed(directory, "--signers", place / "signers")
     assert (unsigned.code, "the bundle is not signed" in unsigned.out) == (1, True)
-
-
-@pytest.mark.parametrize("words", [("nowhere",), (".",), ("nowhere.zip", "--json")])
-def test_what_is_not_a_record_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed, words) -> None:
-    monkeypatch.chdir(tmp_path)
-    answer = typed(*words)
-    assert (answer.code, answer.out, answer.err.count("\n")) == (1, "", 1)
-    assert "back up" not in answer.err
-
-
-def test_an_invalid_number_of_replays_is_a_usage_error(place: Path, typed) -> None:
-    assert typed(place / "results", "--replay", "many").code == 2

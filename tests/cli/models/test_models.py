@@ -184,29 +184,6 @@ def test_fetched_weights_are_found_by_the_check(
     assert json.loads(capsys.readouterr().out)["sha256"] == sha256
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "says"),
-    [
-        (["models", "check", "vlv", "--weights", "embedded"], 1, "vlv has no embedded weights"),
-        (["models", "check", "pirlnav", "--weights", "/nowhere.ckpt"], 1, "no weights at /nowhere.ckpt"),
-        (["models", "check", "oracle"], 2, "receives the site"),
-        (["models", "fetch", "pirlnav"], 2, "fetch pirlnav-il or pirlnav-rl"),
-        (["models", "show", "pirlnaf"], 2, "no model 'pirlnaf'"),
-        (["models", "fetch", "random", "http://127.0.0.1:9/x", "--sha256", "0" * 64], 2, "no weights to fetch"),
-        (["models", "fetch", "pirlnav", "ftp://x", "--sha256", "0" * 64], 2, "not an http or https address"),
-    ],
-)
-def test_what_goes_wrong_is_one_line_and_an_exit_code(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], code: int, says: str
-) -> None:
-    assert vsnbench(monkeypatch, *words) == code
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith("vsnbench: error: ")
-    assert says in captured.err
-    assert captured.err.count("\n") == 1
-
-
 def test_a_model_that_ends_its_process_fails_its_check(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -37,45 +37,6 @@ def test_the_number_comes_before_the_output(
         assert [row.split(",")[0] for row in rows] == ["2"]
 
 
-@pytest.mark.parametrize("form", ["tum", "mcap", "csv", "episodes", "lerobot"])
-@pytest.mark.parametrize("words", [["{}/1"], ["1"], ["0", "-o", "{}/out"]])
-def test_a_path_in_the_place_of_a_number_is_refused_and_nothing_is_written(
-    results: Path, tmp_path: Path, form: str, words: list[str]
-) -> None:
-    done = vsnbench(results, "export", form, *(word.format(tmp_path) for word in words))
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert list(tmp_path.iterdir()) == []
-    assert not Path("1").exists()
-
-
-@pytest.mark.parametrize(
-    ("form", "output"),
-    [
-        *(("csv", name) for name in ("s.txt", "s.zip", "s")),
-        ("episodes", "e.zip"),
-        ("bag", "e.mcap"),
-        ("video", "e.avi"),
-        *((form, f"e.{form}") for form in ("tum", "mcap")),
-        ("lerobot", "e.parquet"),
-    ],
-)
-def test_another_suffix_is_refused_and_nothing_is_written(
-    results: Path, tmp_path: Path, form: str, output: str
-) -> None:
-    done = vsnbench(results, "export", form, "1", "--output", str(tmp_path / output))
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert "--output" in done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("form", ["csv", "episodes", "bag"])
-@pytest.mark.parametrize("output", [".", "/"])
-def test_a_directory_in_the_place_of_a_file_is_refused(results: Path, form: str, output: str) -> None:
-    done = vsnbench(results, "export", form, "1", "--output", output)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert f"--output {output} is a directory" in done.stderr
-
-
 def test_videos_go_to_a_directory_whose_name_has_a_dot(results: Path, tmp_path: Path) -> None:
     done = vsnbench(results, "export", "video", "2", "--output", str(tmp_path / "videos-1.0"))
     assert done.returncode == 0, done.stderr

@@ -45,17 +45,3 @@ def test_tags_and_notes_are_added_shown_and_searched(results: Path) -> None:
         ("untagged", "lamp", "ada"),
     ]
     assert "the lamp [red]flickered" in vsnbench(results, "episodes", "show", "1").stdout
-
-
-@pytest.mark.parametrize(
-    "words", [["1"], ["one", "text"], ["9", "text"], ["1", "--tag", "two words"], ["1", "--tag", "a", "--untag", "a"]]
-)
-def test_what_cannot_be_noted_is_refused_in_one_line(results: Path, words: list[str]) -> None:
-    done = vsnbench(results, "note", *words)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert json.loads(vsnbench(results, "episodes", "show", "1", "--json").stdout)["events"] == []
-
-
-def test_a_missing_record_is_not_created(tmp_path: Path) -> None:
-    assert vsnbench(tmp_path / "none", "note", "1", "text").returncode == 1
-    assert not (tmp_path / "none").exists()

@@ -37,26 +37,6 @@ def test_report_prints_rates_with_their_intervals(lab: Lab) -> None:
         assert words in outcome.stdout
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--table", "goals-1", "--json"],
-        ["--table", "goals-1", "--format", "csv"],
-        ["--table", "goals-1", "--serve"],
-        ["--table", "goals-1", "--only-reference"],
-        ["--table", "goals-1", "--website", "site"],
-        ["--figure", "map"],
-        ["--figure", "map", "--format", "latex"],
-        ["--figure", "map", "--website", "site"],
-    ],
-    ids=" ".join,
-)
-def test_an_option_that_would_have_no_effect_is_refused(lab: Lab, words: list[str]) -> None:
-    refused = vsnbench("report", "--results", lab.directory, *words).exception
-    assert isinstance(refused, UsageError)
-    assert refused.code == "unused-option"
-
-
 def test_report_speaks_json_to_scripts(lab: Lab) -> None:
     outcome = vsnbench("report", "--results", lab.directory, "--format", "json", "--model", "random")
     (model,) = json.loads(outcome.stdout)["models"]
@@ -114,15 +94,6 @@ def test_each_table_is_a_file_to_paste_and_is_chosen_by_name(lab: Lab, tmp_path:
     refused = vsnbench("report", "--results", lab.directory, "--table", "nonsense").exception
     assert isinstance(refused, UsageError)
     assert refused.code == "unknown-part"
-
-
-@pytest.mark.parametrize("column", ["8.8", "8.8km", "1cm", "99cm", "nan", "", "1e3mm", "8.8cm"])
-def test_a_column_that_no_paper_has_or_nothing_is_set_for_is_refused(lab: Lab, tmp_path: Path, column: str) -> None:
-    words = () if column == "8.8cm" else ("--output", tmp_path / "out")
-    refused = vsnbench("report", "--results", lab.directory, "--column", column, *words).exception
-    assert isinstance(refused, UsageError)
-    assert refused.code == "bad-column"
-    assert not (tmp_path / "out").exists()
 
 
 def test_latex_tables_are_set_for_the_width_of_a_column(lab: Lab) -> None:

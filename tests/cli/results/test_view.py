@@ -1,11 +1,11 @@
 """`vsnbench view`: the file, the web viewer, and errors."""
 
-import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -17,6 +17,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.cli.chromium import chromium
+from tests.cli.console import Answer, vsnbench
 from tests.processes import has_ended, wait_until
 from tests.viewer.synthetic_episode import record
 from vsnbench.results.files.directory import ResultsDirectory
@@ -42,43 +43,32 @@ def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "vsnbench.cli.main", "view", *arguments]
 
 
-def view(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    inherited = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    return subprocess.run(command(*arguments), capture_output=True, text=True, env=inherited | environment, timeout=60)
+@pytest.fixture
+def view(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], results: Path) -> Callable[..., Answer]:
+    """Types `vsnbench view` where there is no display."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    record(directory(results), 2)
+    return lambda *words: vsnbench(monkeypatch, capsys, "view", *words, "--results", str(results))
 
 
-def test_path_prints_the_file_and_builds_it_first(results: Path) -> None:
-    number = record(directory(results), 2)
-    done = view(str(number), "--path", "--results", str(results))
-    assert done.returncode == 0, done.stderr
-    file = Path(done.stdout.strip())
-    assert file == results / "episodes" / f"{number:06d}" / "episode.rrd"
+def test_path_prints_the_file_and_builds_it_first(view: Callable[..., Answer], results: Path) -> None:
+    done = view("1", "--path")
+    assert done.code == 0, done.err
+    file = Path(done.out.strip())
+    assert file == results / "episodes" / "000001" / "episode.rrd"
     assert file.read_bytes()[:4] == b"RRF2"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "text"),
-    [
-        (["99"], 2, "episode 99"),
-        (["1"], 1, "there is no display"),
-        (["one"], 2, "EPISODE"),
-    ],
-)
-def test_an_episode_that_cannot_be_shown_is_an_error(results: Path, arguments: list[str], code: int, text: str) -> None:
-    record(directory(results), 2)
-    done = view(*arguments, "--results", str(results))
-    assert (done.returncode, done.stdout) == (code, "")
-    assert text in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_a_port_in_use_is_a_usage_error(results: Path) -> None:
-    record(directory(results), 2)
+def test_without_a_display_and_on_a_port_in_use_nothing_is_shown(view: Callable[..., Answer]) -> None:
+    hidden = view("1")
+    assert (hidden.code, hidden.out) == (1, "")
+    assert "there is no display" in hidden.err
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        done = view("1", "--web", "--port", str(port), "--results", str(results))
-    assert done.returncode == 2
-    assert f"127.0.0.1:{port}" in done.stderr
+        refused = view("1", "--web", "--port", str(port))
+    assert refused.code == 2
+    assert f"127.0.0.1:{port}" in refused.err
 
 
 def listeners_of(root: int) -> set[str]:

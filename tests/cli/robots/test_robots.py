@@ -32,38 +32,6 @@ def test_nothing_strikes_about_the_embedded_profiles(name: str) -> None:
     assert implausible_values(load_profile(name)) == []
 
 
-@pytest.mark.parametrize(
-    ("wrong", "right", "says"),
-    [
-        ("cliff:", "clif:", "interface.clif: unknown field"),
-        (
-            "command: /mobile_base",
-            "command: mobile base",
-            "interface.command: 'mobile base/commands/velocity' is not a valid ROS name",
-        ),
-        (
-            "kind: ros1",
-            "kind: ros1\n  bumper_type: kobuki_msgs/Bumper",
-            "'kobuki_msgs/Bumper' is not allowed: did you mean kobuki_msgs/BumperEvent?",
-        ),
-        ("mount_forward_m: -0.087", "mount_forward_m: 20", "camera.mount_forward_m: "),
-        ("mount_height_m: 0.60", "mount_height_m: 6.0", "camera.mount_height_m: "),
-        ("radius_m: 0.177", "radius_m: wide", "base.radius_m: expected a number, got 'wide': write it in metres"),
-    ],
-)
-def test_a_mistake_in_a_profile_is_named_with_its_line(
-    typed: Typed, tmp_path: Path, wrong: str, right: str, says: str
-) -> None:
-    text = (Path(__file__).parents[3] / "vsnbench" / "robots" / "profiles" / "turtlebot2.yaml").read_text()
-    mine = tmp_path / "mine.yaml"
-    mine.write_text(text.replace(wrong, right, 1))
-    done = typed("robots", "check", str(mine))
-    assert done.code == 1
-    assert says in done.out
-    assert "mine.yaml:" in done.out
-    assert done.out.endswith("mine.yaml: 1 error\n")
-
-
 def test_check_reports_all_faults_of_a_profile_by_line(typed: Typed, tmp_path: Path) -> None:
     text = embedded_profiles()["turtlebot2"].read_text()
     mine = tmp_path / "mine.yaml"
@@ -78,11 +46,6 @@ def test_check_reports_all_faults_of_a_profile_by_line(typed: Typed, tmp_path: P
     found = {fault["field"]: fault["code"] for fault in content["faults"]}
     assert found == {"base.radius_m": "invalid-field", "interface.clif": "unknown-field"}
     assert json.loads(typed("robots", "check", "turtlebot2", "--json").out)["faults"] == []
-
-
-def test_a_profile_that_does_not_exist_is_a_usage_error(typed: Typed, tmp_path: Path) -> None:
-    answer = typed("robots", "check", str(tmp_path / "mine.yaml"), "--json")
-    assert (answer.code, answer.out) == (2, "")
 
 
 def test_parts_that_do_not_fit_together_are_doubted() -> None:
@@ -112,19 +75,6 @@ def test_the_annotated_example_is_shown_with_its_comments_and_is_valid(typed: Ty
     assert "# required" in shown
     assert implausible_values(load_profile(mine)) == []
     assert "# measure yours" in typed("robots", "show", "turtlebot2", "--annotated").out
-
-
-@pytest.mark.parametrize("words", [("show",), ("show", "lola2", "--annotated", "--json")], ids=" ".join)
-def test_show_needs_a_profile_and_json_has_no_comments(typed: Typed, words: tuple[str, ...]) -> None:
-    assert typed("robots", *words).code == 2
-
-
-def test_a_built_in_profile_is_not_overwritten(typed: Typed) -> None:
-    before = embedded_profiles()["turtlebot2"].read_text()
-    done = typed("robots", "calibrate", "turtlebot2", "--yes")
-    assert done.code == 2
-    assert "--output" in done.err
-    assert embedded_profiles()["turtlebot2"].read_text() == before
 
 
 def test_a_robot_of_ros2_is_doubted_for_the_same_reasons() -> None:

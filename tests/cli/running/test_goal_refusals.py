@@ -40,26 +40,6 @@ def run_words(goal: str, model: str = "oracle", starts: str = "1") -> tuple[str,
 
 
 @pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (run_words("blue-piano"), ("blue-piano",)),
-        (run_words("red-armchai"), ("red-armchair",)),
-        (run_words("the red armchair"), ("the red armchair",)),
-        (run_words("to-the-kitchen", starts="5"), ("to-the-kitchen", "5", "1, 2, 3")),
-        (run_words("chair,to-the-kitchen", starts="4-6"), ("to-the-kitchen", "4, 5, 6")),
-        (run_words("red-armchair", CATEGORIES_ONLY), ("red-armchair", "text")),
-        (run_words("chair,to-the-kitchen", CATEGORIES_ONLY), ("to-the-kitchen", "instruction")),
-        (run_words("photo-bed", CATEGORIES_ONLY), ("photo-bed", "image")),
-    ],
-)
-def test_a_goal_that_does_not_fit_is_refused(
-    lab: Lab, tmp_path: Path, words: tuple[str, ...], named: tuple[str, ...]
-) -> None:
-    refused(lab(*words), *named)
-    assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.parametrize(
     ("old", "new", "named"),
     [
         ("targets: [armchair]", "targets: [armchairs]", ("red-armchair", "armchairs")),

@@ -176,50 +176,6 @@ def test_a_stopped_run_says_how_to_go_on(number: signal.Signals, code: int, reas
     assert rows(tmp_path, "SELECT success FROM verdict") == [(None,)]
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        (("--model", "clippy", "--goal", "chair"), 2, "no model 'clippy'"),
-        (("--model", "random", "--goal", "kettle"), 2, "goal 'kettle' is not in site 'apartment'"),
-        (("--model", "random", "--goal", "chair", "--site", "moon"), 2, "site 'moon' does not exist"),
-        (("--model", "random", "--goal", "chair", "--robot", "hal"), 2, "no robot 'hal'"),
-        (("--model", "random", "--goal", "chair", "--starts", "1-15,20"), 2, "starting position 20 is not in site"),
-        (("--model", "random", "--goal", "chair", "--max-steps", "0"), 2, "--max-steps"),
-        (("--model", "random", "--goal", "chair", "--repetitions", "0"), 2, "--repetitions"),
-        (("--model", "random", "--goal", "chair", "--max-steps", "9" * 20), 2, "--max-steps"),
-        (("--model", "random", "--goal", "chair", "--seed", "9" * 20), 2, "--seed"),
-        (("--model", "random", "--goal", "chair", "--seed", "-1"), 2, "--seed"),
-        (("--model", "random"), 2, "--goal"),
-        (("--model", "no.such.module:Policy", "--goal", "chair"), 1, "cannot import no.such.module"),
-    ],
-)
-def test_what_cannot_be_run_is_refused_in_a_line_and_nothing_is_written(
-    run: Run, tmp_path: Path, words: tuple[str, ...], code: int, message: str
-) -> None:
-    results = tmp_path / "results"
-    answer = run(*words, "--results", results)
-    assert answer.code == code
-    assert message in answer.err
-    assert "Traceback" not in answer.err
-    assert not results.exists()
-
-
-def test_a_broken_site_file_is_named_with_line_and_field(run: Run, tmp_path: Path) -> None:
-    site = tmp_path / "lab.yaml"
-    site.write_text("name: lab\nrooms: []\nwalls: []\nstarts: []\nceiling_height_m: low\n")
-    answer = run("--model", "random", "--goal", "chair", "--site", site, "--results", tmp_path / "results")
-    assert answer.code == 2
-    assert f"{site}:5: ceiling_height_m" in answer.err
-    assert not (tmp_path / "results").exists()
-
-
-def test_a_results_directory_that_is_a_file_is_refused(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "results").write_text("no directory")
-    answer = run("--model", "random", "--goal", "chair", "--results", tmp_path / "results")
-    assert answer.code == 1
-    assert "cannot write the results directory" in answer.err
-
-
 def test_a_model_that_fails_voids_its_episodes_and_ends_the_session(run: Run, tmp_path: Path) -> None:
     answer = run("--model", "tests.cli.turning:Broken", "--goal", "chair", "--starts", "1-5", "--results", tmp_path)
     assert answer.code == 1

@@ -1,19 +1,21 @@
 """`vsnbench run --keep`: the files differ, the steps do not, and later readers see which files are missing."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed, vsnbench
 from tests.cli.running.test_run import STORY, rows
+from vsnbench.cli.support.options import what_to_keep
 from vsnbench.errors import UsageError
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
+from vsnbench.sites.site import load_site
 from vsnbench.values.encoding.image_digest import file_digest
 
 FILE_DIGESTS = "SELECT number, rgb_file_digest, depth_file_digest FROM step ORDER BY number"
@@ -21,6 +23,7 @@ WORDS = ("--model", "oracle", "--goal", "bed", "--starts", "2", "--max-steps", "
 
 
 def test_what_is_kept_changes_nothing_that_happened(
+    typed: Typed,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
@@ -29,7 +32,7 @@ def test_what_is_kept_changes_nothing_that_happened(
     stories = {}
     for kept in KeepFiles:
         results = tmp_path / kept
-        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, "--keep", kept, "--results", str(results))
+        answer = typed("run", *WORDS, "--keep", kept, "--results", str(results))
         assert answer.code == 0, answer.err
         stories[kept] = rows(results, STORY)
         files = sorted(path.suffix for path in (results / "episodes").rglob("*.*"))
@@ -51,7 +54,7 @@ def test_what_is_kept_changes_nothing_that_happened(
     assert rows(tmp_path / KeepFiles.NONE, "SELECT images_directory FROM episode") == [("",)]
     for kept, told in ((KeepFiles.IMAGES, 0), (KeepFiles.NONE, 1)):
         place = ("--results", str(tmp_path / kept))
-        viewed = vsnbench(monkeypatch, capsys, "view", "1", "--path", *place)
+        viewed = typed("view", "1", "--path", *place)
         assert (viewed.code, caplog.text.count("episode 1 has no recorded images")) == (0, told)
         assert Path(viewed.out.strip()).stat().st_size > 10_000
     bag = vsnbench(
@@ -66,10 +69,8 @@ def test_what_is_kept_changes_nothing_that_happened(
         str(tmp_path / KeepFiles.NONE),
     )
     assert (bag.code, caplog.text.count("keeps no images: the bag")) == (0, 1)
-    report = vsnbench(
+    report = typed(
         *(
-            monkeypatch,
-            capsys,
             "report",
             "--output",
             str(tmp_path / "pages"),
@@ -84,50 +85,26 @@ def test_what_is_kept_changes_nothing_that_happened(
 @pytest.mark.parametrize(
     ("usual", "options"),
     [
-        (KeepFiles.IMAGES, {}),
-        (KeepFiles.IMAGES, {"robot": "simulated:lola2", "noise": True}),
-        (KeepFiles.ALL, {"attended": True}),
-        (KeepFiles.ALL, {"rehearsal": True}),
+        (KeepFiles.IMAGES, {"robot": "simulated"}),
+        (KeepFiles.IMAGES, {"robot": "simulated:lola2"}),
+        (KeepFiles.ALL, {"robot": "simulated", "has_operator": True}),
         (KeepFiles.ALL, {"robot": "lola2"}),
         (KeepFiles.ALL, {"robot": "mylab.robot:Robot"}),
     ],
 )
 def test_rerun_copies_are_made_at_once_only_with_an_operator(usual: KeepFiles, options: dict[str, Any]) -> None:
-    request = RunRequest("oracle", ("bed",), ResultsDirectory.locate(), **options)
-    assert request.files_to_keep is usual
-    assert [replace(request, keep=keep).files_to_keep for keep in KeepFiles] == list(KeepFiles)
+    assert what_to_keep("", **options) is usual
+    assert [what_to_keep(keep, **options) for keep in KeepFiles] == list(KeepFiles)
 
 
-def test_a_run_says_what_it_keeps(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_run_says_what_it_keeps(typed: Typed, tmp_path: Path) -> None:
     for words, said in (
         ((), "--keep images: images are kept"),
         (("--keep", "none"), "--keep none: no images"),
     ):
-        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
+        answer = typed("run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
         assert answer.code == 0
         assert answer.err.count(said) == 1
-
-
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (("--keep", "some"), "all, images, none"),
-        (("--keep", "images", "--live"), "--live"),
-    ],
-)
-def test_what_cannot_be_kept_is_refused_in_one_line(
-    words: tuple[str, ...],
-    reason: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / "new"))
-    assert answer.code == 2
-    assert reason in answer.err
-    assert not (tmp_path / "new").exists()
 
 
 def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,13 +113,8 @@ def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytes
     name = f"{test_registry.__name__}:OutsideRobot"
     real = test_registry.RobotIdentity(test_registry.load_profile("lola2"), name, simulated=False)
     monkeypatch.setattr(test_registry.OutsideRobot, "identity", real)
-    request = RunRequest(
-        model="forward",
-        goals=("bed",),
-        results=ResultsDirectory.locate(tmp_path / "new"),
-        robot=name,
-        keep=KeepFiles.NONE,
-    )
+    setup = TrialSetupSpec(load_site("apartment"), "forward", ("bed",), robot=name, keep=KeepFiles.NONE)
+    request = RunRequest(setup, ResultsDirectory.locate(tmp_path / "new"))
     with pytest.raises(UsageError, match="cannot be rendered again"):
-        launch(request, TerminalOperatorProvider(unattended=True))
+        launch(request, OperatorProvider(unattended=True))
     assert not (tmp_path / "new").exists()

@@ -89,34 +89,3 @@ def test_two_workers_give_the_same_numbers(stressed: tuple[Path, Done], tmp_path
     two = vsnbench(tmp_path, *STRESS, "--workers", "2")
     assert numbers(two) == numbers(stressed[1])
     assert outcomes(tmp_path) == outcomes(stressed[0])
-
-
-@pytest.mark.parametrize(
-    ("words", "part"),
-    [
-        (("stress", *TRIALS, "--disturb", "blurr"), "did you mean blur?"),
-        (("stress", *TRIALS, "--severity", "9"), "severities are 1 to 5"),
-        (("stress", *TRIALS, "--severity", "x"), "cannot read 'x' in --severity"),
-        (("stress", *TRIALS, "--disturb", "blur,blur"), "given twice"),
-        (("stress", *TRIALS, "--disturb", "blur"), "oracle uses no sensor that blur changes"),
-        (("stress", *TRIALS, "--disturb", "latency", "--detect", "30"), "starting positions instead of 2"),
-        (("stress", *TRIALS, "--disturb", "latency", "--detect", "0"), "must be at least 1"),
-        (("stress", *TRIALS, "--robot", "turtlebot2"), "needs a simulated robot"),
-        (("stress", *TRIALS, "--figure", "x.gif"), "unknown format"),
-        (("stress", *TRIALS, "--figure", "nowhere/x.svg"), "the directory does not exist"),
-        (("run", *TRIALS, "--disturb", "blur=nan"), "not a finite number"),
-        (("run", *TRIALS, "--disturb", "blur,blur"), "given twice"),
-        (("run", *TRIALS, "--disturb", "latency=300ms"), "latency is in s, not ms"),
-        (("run", *TRIALS, "--robot", "turtlebot2", "--disturb", "camera_tilt"), "does not apply to robot turtlebot2"),
-        (("run", *TRIALS, "--rehearse", "--disturb", "camera_height"), "does not apply to a rehearsal"),
-        (("run", *TRIALS, "--disturb", "camera_height=-0.7"), "above the floor"),
-    ],
-)
-def test_invalid_input_is_refused_in_one_line_and_nothing_is_written(
-    tmp_path: Path, words: tuple[str, ...], part: str
-) -> None:
-    done = vsnbench(tmp_path, *words)
-    assert done.returncode == 2
-    assert part in done.stderr
-    assert len([line for line in done.stderr.splitlines() if "error" in line]) == 1
-    assert not (tmp_path / "vsnbench.db").exists()

@@ -1,15 +1,16 @@
 """Shell completion of values."""
 
-import os
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.cli.console import vsnbench
 from tests.results.records_of_a_lab import plan, run, stopped
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.writing.journal import Journal
+
+Offered = Callable[[Path, str], list[str]]
 
 
 @pytest.fixture(scope="module")
@@ -21,23 +22,20 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def offered(results: Path, typed: str) -> list[str]:
-    """Request completions as bash does when Tab is pressed at the end of the line."""
-    done = subprocess.run(
-        [sys.executable, "-m", "vsnbench"],
-        env=os.environ
-        | {
-            "_VSNBENCH_COMPLETE": "complete_bash",
-            "COMP_WORDS": typed,
-            "COMP_CWORD": str(len(typed.split(" ")) - 1),
-            "VSNBENCH_RESULTS": str(results),
-        },
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.stderr == ""
-    return done.stdout.split()
+@pytest.fixture
+def offered(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Offered:
+    """Requests completions as bash does when Tab is pressed at the end of the line."""
+
+    def ask(results: Path, typed: str) -> list[str]:
+        monkeypatch.setenv("_VSNBENCH_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", typed)
+        monkeypatch.setenv("COMP_CWORD", str(len(typed.split(" ")) - 1))
+        monkeypatch.setenv("VSNBENCH_RESULTS", str(results))
+        done = vsnbench(monkeypatch, capsys)
+        assert (done.code, done.err) == (0, "")
+        return done.out.split()
+
+    return ask
 
 
 @pytest.mark.parametrize(
@@ -52,7 +50,7 @@ def offered(results: Path, typed: str) -> list[str]:
         ("vsnbench report --model ", "random"),
     ],
 )
-def test_values_are_completed(results: Path, typed: str, word: str) -> None:
+def test_values_are_completed(offered: Offered, results: Path, typed: str, word: str) -> None:
     assert word in offered(results, typed)
 
 
@@ -62,7 +60,7 @@ goals:
 """
 
 
-def test_the_goals_of_the_chosen_site_are_offered(tmp_path: Path) -> None:
+def test_the_goals_of_the_chosen_site_are_offered(offered: Offered, tmp_path: Path) -> None:
     site = tmp_path / "lab.yaml"
     site.write_text((Path(__file__).parents[3] / "sites" / "apartment.yaml").read_text() + GOALS)
     broken = tmp_path / "broken.yaml"
@@ -77,7 +75,7 @@ def test_the_goals_of_the_chosen_site_are_offered(tmp_path: Path) -> None:
     assert "chair" in offered(tmp_path, f"vsnbench run --site {broken} --goal ch")
 
 
-def test_without_a_record_nothing_is_offered_and_nothing_is_written(tmp_path: Path) -> None:
+def test_without_a_record_nothing_is_offered_and_nothing_is_written(offered: Offered, tmp_path: Path) -> None:
     assert offered(tmp_path / "none", "vsnbench view ") == []
     assert not (tmp_path / "none").exists()
 
@@ -90,5 +88,7 @@ def test_without_a_record_nothing_is_offered_and_nothing_is_written(tmp_path: Pa
         ("vsnbench report --results {} --model ", "random"),
     ],
 )
-def test_the_record_that_options_name_is_completed_from(tmp_path: Path, results: Path, typed: str, word: str) -> None:
+def test_the_record_that_options_name_is_completed_from(
+    offered: Offered, tmp_path: Path, results: Path, typed: str, word: str
+) -> None:
     assert word in offered(tmp_path / "none", typed.format(results))

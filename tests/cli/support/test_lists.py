@@ -2,10 +2,7 @@
 
 from pathlib import Path
 
-import pytest
-
 from vsnbench.cli.support.lists import split_list, split_numbers, split_sites
-from vsnbench.errors import UsageError
 
 
 def test_repetition_and_commas_give_one_list_without_duplicates() -> None:
@@ -28,19 +25,3 @@ def test_sites_are_names_and_generated_flats_in_any_order() -> None:
     assert split_sites(["lab.yaml,flat:0-2,7,apartment", "flat:9"]) == (
         *("lab.yaml", "flat:0", "flat:1", "flat:2", "flat:7", "apartment", "flat:9"),
     )
-
-
-@pytest.mark.parametrize(
-    ("value", "code"),
-    [
-        ("apartment,", "invalid-site"),
-        ("flat:x", "invalid-numbers"),
-        ("apartment,flat:", "invalid-numbers"),
-        ("flat:5-2", "invalid-numbers"),
-        ("flat:0-99999999999", "invalid-numbers"),
-    ],
-)
-def test_an_invalid_list_of_sites_is_refused(value: str, code: str) -> None:
-    with pytest.raises(UsageError) as refused:
-        split_sites([value])
-    assert refused.value.code == code

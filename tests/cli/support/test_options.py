@@ -27,13 +27,6 @@ def test_the_page_is_where_the_option_or_the_configuration_puts_it(
     assert (page.address, page.port, page.private_key) == (address, port, Path("key.pem"))
 
 
-@pytest.mark.parametrize("console", ["a b:80", "host:99999"])
-def test_an_address_that_is_not_one_is_refused(console: str) -> None:
-    with pytest.raises(UsageError) as refused:
-        operator_page(console)
-    assert refused.value.code == "invalid-address"
-
-
 def test_workers_are_a_number_or_auto_or_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "vsnbench.toml").write_text("[cluster]\nworkers = 16\ngpus_per_worker = 0.25\n")
     monkeypatch.chdir(tmp_path)

@@ -157,23 +157,6 @@ def test_a_link_in_place_of_an_image_is_refused(record: Path, tmp_path: Path) ->
     assert "episode 1: rgb/" in refusal(copy, tmp_path / "b.zip", "--campaign", "1")
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["--campaign", "7"], "campaign 7 does not exist"),
-        (["--study", "1"], "study 1 does not exist"),
-        (["--study", "nowhere.yaml"], "nowhere.yaml"),
-        ([], "give either --study or --campaign"),
-        (["--campaign", "1", "--study", "1"], "give either --study or --campaign"),
-        (["--campaign", "1", "--without", "rows"], "--without rows"),
-        (["--campaign", "1", "--sign", "/nowhere/key"], "cannot sign with /nowhere/key"),
-    ],
-)
-def test_a_mistake_is_one_line(record: Path, tmp_path: Path, words: list[str], named: str) -> None:
-    assert named in refusal(record, tmp_path / "b.zip", *words)
-    assert not (tmp_path / "b.zip").exists()
-
-
 def test_an_existing_file_stays(record: Path, tmp_path: Path) -> None:
     (tmp_path / "b.zip").write_bytes(b"mine")
     assert "already exists" in refusal(record, tmp_path / "b.zip", "--campaign", "1")

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from vsnbench.config import BundleConfig
 from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 from vsnbench.evidence.bundle.selection import select_campaigns
 from vsnbench.evidence.verification.checks import Verification
 from vsnbench.evidence.verification.verify import VerifyOptions, verify
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.settings.user_config import BundleConfig
 
 RUN = ("--goal", "chair", "--starts", "1-2", "--robot", "simulated:turtlebot2@64x48", "--workers", "1", "--quiet")
 

@@ -9,12 +9,12 @@ from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.fit.camera import CroppedPolicy, comparison_text, crop_for
 from vsnbench.models.task import Task, task_of
-from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision, Diagnostics
+from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.movement import ActionKind, Chunk, Pixel
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, shown_to_policy
 from vsnbench.values.pose import Pose

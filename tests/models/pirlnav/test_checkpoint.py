@@ -16,7 +16,7 @@ from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.checkpoint import read_checkpoint, read_published
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import PIRLNav
-from vsnbench.models.pirlnav.settings import PIRLNavSettings, Runtime
+from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.models.pirlnav.weight_shapes import expected_shapes
 from vsnbench.values.camera import Camera
 from vsnbench.values.observation import Observation
@@ -101,7 +101,7 @@ def test_a_full_size_checkpoint_runs_on_camera_images(full_checkpoint: Path) -> 
     with pytest.raises(ModelError, match="the published checkpoint after RL, not the one before RL"):
         read_published(path, fine_tuned=False)
     assert path.stat().st_size == pytest.approx(196e6, rel=0.01)
-    policy = PIRLNav(path, PIRLNavSettings(runtime=Runtime.ONNXRUNTIME), device="cpu")
+    policy = PIRLNav(path, PIRLNavSettings(runtime="onnxruntime"), device="cpu")
     assert policy.chosen.agreement is not None
     assert policy.chosen.agreement.largest_difference < 1e-4
     assert policy.card.weights_label == "full.ckpt, RL fine-tuned, 301.99 M steps"

@@ -20,7 +20,7 @@ from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import Engine, StepInput, StepOutput
 from vsnbench.models.pirlnav.onnx_graph import Weights, network_file
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
-from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
+from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.models.registry import create_policy
 from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
@@ -29,8 +29,8 @@ from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=640, height=480, horizontal_fov_deg=79, mount_height_m=0.88)
-EAGER = PIRLNavSettings(runtime=Runtime.TORCH)
-EXPORTED = PIRLNavSettings(runtime=Runtime.ONNXRUNTIME)
+EAGER = PIRLNavSettings(runtime="torch")
+EXPORTED = PIRLNavSettings(runtime="onnxruntime")
 
 
 def look(recording: Recording, step: int, pose: Pose | None = None) -> Observation:
@@ -134,7 +134,7 @@ def test_acting_before_an_episode_begins_is_an_error(policy: PIRLNav, recording:
 
 
 def test_sampling_follows_from_the_seed_and_nothing_else(small_checkpoint: Path, recording: Recording) -> None:
-    policy = PIRLNav(small_checkpoint, PIRLNavSettings(decision=Choice.SAMPLED, runtime=Runtime.TORCH), "cpu")
+    policy = PIRLNav(small_checkpoint, PIRLNavSettings(decision="sampled", runtime="torch"), "cpu")
     first = [decision.raw_action for decision in episode(policy, recording, seed=4)]
     other = [decision.raw_action for decision in episode(policy, recording, seed=5)]
     again = [decision.raw_action for decision in episode(policy, recording, seed=4)]
@@ -166,13 +166,13 @@ def test_the_record_can_be_written_as_json_and_names_the_weights(policy: PIRLNav
     assert (card.runs_on["device"], card.runs_on["runtime"]) == ("cpu", "torch")
     assert not {"device", "runtime", "threads"} & card.settings.keys(), "where it runs does not make it another model"
     decision = episode(policy, recording, seed=0, steps=1)[0]
-    assert list(decision.diagnostics.probabilities) == [action.name for action in ACTIONS]
+    assert list(decision.diagnostics.probabilities) == list(ACTIONS)
     assert json.loads(json.dumps(decision.diagnostics.details))["logits"]
     assert np.isfinite(decision.diagnostics.scalars["value"])
 
 
 def test_as_published_images_are_augmented_from_the_seed(small_checkpoint: Path, recording: Recording) -> None:
-    published = PIRLNav(small_checkpoint, PIRLNavSettings(as_published=True, runtime=Runtime.TORCH), "cpu")
+    published = PIRLNav(small_checkpoint, PIRLNavSettings(as_published=True, runtime="torch"), "cpu")
     correct = PIRLNav(small_checkpoint, EAGER, "cpu")
     logits = [
         [d.diagnostics.details["logits"] for d in episode(policy, recording, seed=seed, steps=3)]
@@ -190,25 +190,6 @@ def test_settings_come_from_a_file_and_go_into_the_record(tmp_path: Path, small_
     policy = create_policy("pirlnav", weights=small_checkpoint, model_config=file, device="cpu")
     assert policy.card.settings["decision"] == "greedy"
     assert policy.card.settings["compass"] == "turns"
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("decision: greedy\ncompas: turns\n", r"pirlnav\.yaml:2: compas: "),
-        ("decision: best\n", r"pirlnav\.yaml:1: decision: "),
-        ("\n\nthreads: 0\n", r"pirlnav\.yaml:3: threads: "),
-        ("decision: [\n", r"pirlnav\.yaml:\d: not valid YAML"),
-        ("- greedy\n", r"pirlnav\.yaml:1: .* must be a mapping with decision, compass"),
-    ],
-)
-def test_a_wrong_setting_is_refused_by_line_and_field(
-    tmp_path: Path, small_checkpoint: Path, text: str, says: str
-) -> None:
-    file = tmp_path / "pirlnav.yaml"
-    file.write_text(text)
-    with pytest.raises(UsageError, match=says):
-        PIRLNav(small_checkpoint, file, "cpu")
 
 
 @pytest.mark.parametrize(("named", "stand_in"), [(None, True), ("embedded", False)])
@@ -239,7 +220,7 @@ def test_when_onnxruntime_fails_pytorch_runs_in_its_place_with_a_warning(
 ) -> None:
     monkeypatch.setattr(onnx_engine, "network_file", lambda *_: b"spoilt")
     with caplog.at_level(logging.WARNING):
-        assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime is Runtime.TORCH
+        assert PIRLNav(small_checkpoint, None, "cpu").chosen.runtime == "torch"
     assert "onnxruntime cannot open the network" in caplog.text
 
 

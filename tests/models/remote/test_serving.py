@@ -124,7 +124,8 @@ def isolated(memory_bytes: int | None = None, **options: Any) -> IsolatedPolicy:
 def test_an_isolated_model_that_dies_or_hangs_is_lost_and_started_again(
     models_directory: Path, seed: int, how: str
 ) -> None:
-    policy = isolated(act_timeout=0.5)
+    policy = isolated()
+    policy.limit_actions(0.5)
     try:
         first = policy.pid
         policy.reset("chair", 0)

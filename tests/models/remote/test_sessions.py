@@ -157,7 +157,7 @@ def together(clients: list[RemotePolicy]) -> list[dict[str, object]]:
 def test_observations_that_wait_together_are_answered_together(tmp_path: Path) -> None:
     with stub_server(BATCHES, tmp_path, "served_model:Model", "--sessions", "4", "--batch", "3") as (url, _):
         clients = [RemotePolicy(url) for _ in range(4)]
-        assert not clients[0].deterministic
+        assert not clients[0].card.deterministic
         assert clients[0].card.runs_on["batch"] == "3"
         for seed, client in enumerate(clients):
             client.reset("chair", seed)
@@ -169,7 +169,7 @@ def test_observations_that_wait_together_are_answered_together(tmp_path: Path) -
 def test_without_batch_a_shared_model_answers_each_observation_alone(tmp_path: Path) -> None:
     with stub_server(BATCHES, tmp_path, "served_model:Model", "--sessions", "3") as (url, _):
         clients = [RemotePolicy(url) for _ in range(3)]
-        assert clients[0].deterministic
+        assert clients[0].card.deterministic
         for seed, client in enumerate(clients):
             client.reset("chair", seed)
         assert {transfer["batch"] for _ in range(3) for transfer in together(clients)} == {1}

@@ -13,6 +13,7 @@ from tests.models.remote.servers import look, stub_server
 from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.movement import Waypoint
@@ -110,7 +111,7 @@ def test_the_whole_task_reaches_the_server(tmp_path: Path) -> None:
     assert words["seed"] == 4_000_000_000
     assert words["budget"] == {"actions_left": 17, "time_left_s": None, "path_left_m": 2.5}
     protocol, robot = task.protocol, task.robot
-    assert words["protocol"] == {name: getattr(protocol, name) for name in protocol.__dataclass_fields__}
+    assert words["protocol"] == {name: getattr(protocol, name) for name in PROTOCOL_FIELDS}
     expected = {name: getattr(robot, name) for name in robot.__dataclass_fields__}
     assert words["robot"] == {**expected, "camera": robot.camera.model_dump(mode="json")}
 

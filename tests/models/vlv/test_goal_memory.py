@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from vsnbench.models.vlv.detectors.contract import Reliability
-from vsnbench.models.vlv.goal_memory import GoalMemory, Sighting
+from vsnbench.models.vlv.goal_memory import GoalMemory, GoalSurface
 
 WEAK = Reliability.measured(0.3, precision=0.6, recall=0.5)
 """A place is accepted after four views; a miss has half the weight of a view."""
 
 
-def seen_at(x_m: float, y_m: float = 0.0) -> Sighting:
-    return Sighting(0.5, x_m, 0.0, np.array([[x_m, y_m], [x_m, y_m + 0.1]]))
+def seen_at(x_m: float, y_m: float = 0.0) -> GoalSurface:
+    return GoalSurface(x_m, np.array([[x_m, y_m], [x_m, y_m + 0.1]]))
 
 
 def after(reliability: Reliability, *views: tuple[float, ...]) -> GoalMemory:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.models.vlv.planner import Planner, Route, path_of, value_at
+from vsnbench.models.vlv.planner import FloatGrid, Planner, Terrain, path_of, value_at
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.values.action import Action
@@ -29,12 +29,14 @@ def wall(x_m: float, low_m: float, high_m: float) -> list[tuple[float, float]]:
     return [(x_m, float(y)) for y in np.arange(low_m, high_m, 0.05)]
 
 
-def route_to(grid: OccupancyMap, pose: Pose, target: tuple[float, float]) -> Route | None:
+def route_to(grid: OccupancyMap, pose: Pose, target: tuple[float, float]) -> tuple[Terrain, FloatGrid] | None:
     planner = Planner(SETTINGS)
     targets = np.zeros(grid.shape, np.bool_)
     cell = grid.cell_at(*target)
     targets[cell.row, cell.column] = True
-    return planner.route(planner.terrain(grid, pose, SETTINGS.clearance_m), targets, pose)
+    terrain = planner.terrain(grid, pose, SETTINGS.clearance_m)
+    field_m = planner.route(terrain, targets, pose)
+    return None if field_m is None else (terrain, field_m)
 
 
 obstacles = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), max_size=120)
@@ -51,7 +53,7 @@ def test_a_path_avoids_obstacles_and_is_never_shorter_than_the_straight_line(
     route = route_to(grid, pose, end)
     if route is None:
         return
-    path = path_of(route, pose)
+    path = path_of(*route, pose)
     assert path[0] == start
     assert math.dist(path[-1], end) <= grid.resolution_m
     length_m = 0.0
@@ -62,7 +64,7 @@ def test_a_path_avoids_obstacles_and_is_never_shorter_than_the_straight_line(
             cell = grid.cell_at(x_m, y_m)
             assert not grid.occupied[cell.row, cell.column]
     assert length_m >= math.dist(path[0], path[-1]) - 1e-9
-    assert value_at(route.field_m, grid, pose.position) >= math.dist(start, end) - 1.5 * grid.resolution_m
+    assert value_at(route[1], grid, pose.position) >= math.dist(start, end) - 1.5 * grid.resolution_m
 
 
 @settings(deadline=None, max_examples=60)
@@ -105,7 +107,7 @@ def drive(grid: OccupancyMap, pose: Pose, target: tuple[float, float], most: int
             return way
         route = route_to(grid, pose, target)
         assert route is not None
-        action = planner.next_action(route, pose)
+        action = planner.next_action(*route, pose)
         assert action is not None
         turn = {Action.TURN_LEFT: math.pi / 6, Action.TURN_RIGHT: -math.pi / 6}.get(action, 0.0)
         pose = pose.compose(Pose(0.25 if action is Action.MOVE_FORWARD else 0.0, 0.0, turn))
@@ -137,8 +139,8 @@ def test_a_forward_move_known_to_be_refused_is_not_asked_for_again() -> None:
     grid = OccupancyMap(SETTINGS.mapping)
     route = route_to(grid, Pose(0, 0), (2.0, 0.0))
     assert route is not None
-    assert Planner(SETTINGS).next_action(route, Pose(0, 0)) is Action.MOVE_FORWARD
-    refused = Planner(SETTINGS).next_action(route, Pose(0, 0), forward_refused=True)
+    assert Planner(SETTINGS).next_action(*route, Pose(0, 0)) is Action.MOVE_FORWARD
+    refused = Planner(SETTINGS).next_action(*route, Pose(0, 0), forward_refused=True)
     assert refused in (Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
@@ -147,7 +149,7 @@ def test_no_forward_move_is_planned_that_the_depth_guard_would_refuse() -> None:
     grid = map_with([(0.5, y) for y in (-0.1, 0.0, 0.1)], pose)
     route = route_to(grid, pose, (2.0, 0.0))
     assert route is not None
-    assert Planner(SETTINGS).next_action(route, pose) is not Action.MOVE_FORWARD
+    assert Planner(SETTINGS).next_action(*route, pose) is not Action.MOVE_FORWARD
 
 
 def test_a_walled_in_target_has_no_route() -> None:
@@ -162,4 +164,4 @@ def test_a_robot_too_near_to_something_finds_its_way_out(beside_m: float) -> Non
     grid = map_with([(float(x), float(y)) for x, y in blocks], pose)
     route = route_to(grid, pose, (0.0, 2.0))
     assert route is not None
-    assert Planner(SETTINGS).next_action(route, pose) is Action.MOVE_FORWARD
+    assert Planner(SETTINGS).next_action(*route, pose) is Action.MOVE_FORWARD

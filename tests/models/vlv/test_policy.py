@@ -11,7 +11,7 @@ from tests.models.vlv.looks import look
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.registry import create_policy
 from vsnbench.models.vlv.policy import VLV
-from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
+from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.action import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
@@ -68,7 +68,7 @@ def test_looks_around_in_twelve_left_turns_before_it_goes_anywhere() -> None:
 
 
 def test_alternating_scans_turn_back_what_the_last_one_turned() -> None:
-    settings = PERFECT.model_copy(update={"scan_direction": ScanDirection.ALTERNATE, "scan_turns": 3})
+    settings = PERFECT.model_copy(update={"scan_direction": "alternate", "scan_turns": 3})
     vlv = policy(settings=settings)
     first = [vlv.act(look(wall_m=0.6)).action for _ in range(3)]
     second = [vlv.act(look(wall_m=0.6)).action for _ in range(3)]

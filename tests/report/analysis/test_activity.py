@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from vsnbench.report.analysis.activity import _total, _waited_s
-from vsnbench.report.analysis.summary import _mean
+from vsnbench.report.tables.success import ordered_mean
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 
@@ -35,4 +35,4 @@ def test_sums_and_means_are_the_same_to_the_bit_in_any_order() -> None:
     orders = [pd.Series(order) for order in permutations(numbers)]
     assert len({order.sum() for order in orders}) > 1
     assert len({_total(order) for order in orders}) == 1
-    assert len({_mean(order.to_numpy()) for order in orders}) == 1
+    assert len({ordered_mean(order.to_numpy()) for order in orders}) == 1

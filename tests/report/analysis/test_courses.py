@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.report.records import Attempt, Lab, step
+from tests.report.records import Attempt, Lab, measured, step
 from vsnbench.protocol.course import Stage
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis import courses
@@ -14,8 +14,8 @@ from vsnbench.report.analysis.courses import measure_courses, measures_of
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.compare import compare
-from vsnbench.results.reading.queries import episode_details, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, list_episodes
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
@@ -64,7 +64,7 @@ def test_every_counted_episode_is_measured_and_summed_up(lab: Lab) -> None:
     assert (summary.counted, summary.examined) == (3, 3)
     assert dict(summary.stages)[Stage.STOPPED] == 2
     total = summarise(record).conditions[0].total
-    assert (total.progress, total.progress_episodes) == (pytest.approx((1 + 0.75 + 1) / 3), 3)
+    assert (measured(total, "progress"), measured(total, "progress_episodes")) == (pytest.approx((1 + 0.75 + 1) / 3), 3)
 
 
 def test_of_many_episodes_some_are_measured_and_the_number_is_stated(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,15 +93,15 @@ def test_progress_is_missing_and_not_guessed_where_a_length_is_unknown(lab: Lab)
         [replace(attempt(1, success=False), shortest_m=None), replace(attempt(2, success=True), remaining_m=None)]
     )
     (summary,) = summarise(read(lab.url, Selection())).conditions
-    assert math.isnan(summary.total.progress)
-    assert summary.total.progress_episodes == 0
+    assert math.isnan(measured(summary.total, "progress"))
+    assert measured(summary.total, "progress_episodes") == 0
     assert [episode.progress for episode in list_episodes(lab.engine(), EpisodeFilter())] == [None, None]
 
 
 def test_one_episode_has_the_measures_of_its_report(lab: Lab) -> None:
     lab.write([attempt(1, success=False, remaining_m=1.0, ends=Pose(5.5, 5.0, math.pi))])
     found, _ = measure_courses(lab.engine(), read(lab.url, Selection()))
-    details = episode_details(lab.engine(), 1)
+    details = episode_record(lab.engine(), 1)
     own = measures_of(lab.engine(), details)
     assert own.stage == found["stage"].tolist()[0]
     assert own.clearance_min_m == found["clearance_min_m"].tolist()[0]

@@ -39,13 +39,13 @@ def test_one_rate_of_several_models_is_over_the_same_goals_or_says_so(
     found = report(tmp_path, *models)
     shown = headlines(found.results.conditions)
     assert shown.label == label
-    assert [f"{one.summary.successes}/{one.summary.episodes}" for one in shown.by_condition] == counts
+    assert [f"{group.successes}/{group.episodes}" for _, group in shown.by_condition] == counts
     table = overview_table(found.results)
     column = [each.heading for each in table.columns].index(label)
     assert [float(row.cells[column].text) for row in table.rows] == [
-        round(100 * one.summary.success_rate, 1) for one in shown.by_condition
+        round(100 * group.success_rate, 1) for _, group in shown.by_condition
     ]
     page = html_page(found, found.tables(), [])
     assert f"Success rate over {shown.description}, 95 % interval" in html.unescape(page)
-    for one, count in zip(shown.by_condition, counts, strict=True):
-        assert (f"{', '.join(one.goals)}: {count} episodes" in page) is (label != "all")
+    for (goals, _), count in zip(shown.by_condition, counts, strict=True):
+        assert (f"{', '.join(goals)}: {count} episodes" in page) is (label != "all")

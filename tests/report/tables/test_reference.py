@@ -4,8 +4,8 @@ from tests.report.records import Attempt, Lab
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
+from vsnbench.report.table import UNKNOWN
 from vsnbench.report.tables.reference import paper_comparison_table
-from vsnbench.report.tables.report_table import UNKNOWN
 
 
 def rows_of(lab: Lab) -> dict[tuple[str, str], list[str]]:

@@ -19,7 +19,6 @@ import pytest
 from tests.cli.test_record_verbs import vsnbench
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
-from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError
 from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 from vsnbench.evidence.bundle.selection import select_campaigns
@@ -30,6 +29,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing import deletion
 from vsnbench.results.writing.deletion import delete_for_good, finish_deletions
 from vsnbench.results.writing.journal import Journal
+from vsnbench.settings.user_config import BundleConfig
 
 COUNTED = ("campaign", "trial", "episode", "step", "verdict", "placement")
 

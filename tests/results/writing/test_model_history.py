@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from tests.results.records_of_a_lab import plan
-from vsnbench.results.writing.campaigns import ModelIdentity
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.model_history import differences
+from vsnbench.values.model.card import ModelCard
 
-MODEL = ModelIdentity(
+MODEL = ModelCard(
     "lab",
     weights_sha256="a" * 64,
     settings={"temperature": 0.5},
@@ -34,7 +34,7 @@ MODEL = ModelIdentity(
         (replace(MODEL, surveyed=True), ("access to the site file",)),
     ],
 )
-def test_differences_are_named_with_what_was_and_what_is(now: ModelIdentity, words: tuple[str, ...]) -> None:
+def test_differences_are_named_with_what_was_and_what_is(now: ModelCard, words: tuple[str, ...]) -> None:
     assert differences(MODEL, now) == words
 
 
@@ -44,7 +44,7 @@ def test_only_a_new_campaign_of_another_model_of_the_same_name_says_so(url: str)
     with Journal.open(url) as journal:
         said = [
             journal.model_change(journal.find_or_create_campaign(each), each.model)
-            for each in (first, first, edited, replace(edited, seed=8), replace(edited, model=ModelIdentity("other")))
+            for each in (first, first, edited, replace(edited, seed=8), replace(edited, model=ModelCard("other")))
         ]
     assert said == [
         "",

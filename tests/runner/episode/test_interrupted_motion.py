@@ -16,7 +16,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
@@ -103,7 +103,7 @@ def plan_of(robot: Robot) -> CampaignPlan:
     return CampaignPlan(
         site=APARTMENT,
         robot=robot.identity,
-        model=ModelIdentity("drives"),
+        model=ModelCard("drives"),
         protocol=ProtocolParameters(),
         seed=0,
         trials=[PlannedTrial("chair", 2)],

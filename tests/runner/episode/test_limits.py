@@ -9,7 +9,7 @@ import pytest
 from tests.runner.episode.test_episode import MemoryRecorder
 from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from vsnbench.models.loaded import LoadedPolicy
-from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
+from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Watch
@@ -90,7 +90,7 @@ def test_a_policy_is_told_the_protocol_and_the_robot_through_every_wrapper() -> 
         wrapped = RedactedPolicy(LoadedPolicy(policy), OutputRedaction(()))
         plan = replace(PLAN, parameters=parameters)
         run_episode(StandInRobot(), wrapped, plan, MemoryRecorder(), NOBODY, stop)
-    protocol = ProtocolFacts("lab", 0.25, 15.0, 1.0, 150, 360.0, None)
+    protocol = ProtocolParameters(name="lab", turn_deg=15.0, max_time_s=360.0)
     robot = RobotFacts("stand-in", 0.18, 0.6, 0.7, 3.0, PROFILE.camera)
     assert policy.tasks == [Task("chair", 7, protocol, robot)]
     assert policy.asked == 1

@@ -1,14 +1,11 @@
 """The number of workers: by cores, memory and trials."""
 
-from dataclasses import replace
-
 import pytest
 
 from tests.runner.stand_ins import PROFILE
 from vsnbench.errors import UsageError
 from vsnbench.models.checkpoints.torch_runtime import GpuMemory
 from vsnbench.models.contract import ModelCard
-from vsnbench.results.writing.campaigns import ModelIdentity
 from vsnbench.runner.executors.capacity import (
     FEWEST_TRIALS,
     GIB,
@@ -25,10 +22,12 @@ from vsnbench.values.robot_identity import RobotIdentity
 BOX = Capacity(cores=4, free_bytes=4 * GIB)
 
 
-def prepared(bytes_each: int, device: str = "cpu", gpu: GpuMemory | None = None) -> Prepared:
+def prepared(
+    bytes_each: int, device: str = "cpu", gpu: GpuMemory | None = None, sessions: int | None = None
+) -> Prepared:
     card = ModelCard("big", runs_on={"device": device})
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    described = SetupDescription(robot, frozenset(), {}, card, ModelIdentity("big"), ("chair",))
+    described = SetupDescription(robot, frozenset(), {}, card, ModelCard("big"), ("chair",), sessions=sessions)
     return Prepared(described, bytes_each - RUNNING_BYTES, gpu)
 
 
@@ -52,7 +51,7 @@ def test_auto_fits_into_memory() -> None:
 
 
 def test_a_servers_sessions_limit_the_workers() -> None:
-    served = replace(prepared(GIB // 4, "cuda"), sessions=2)
+    served = prepared(GIB // 4, "cuda", sessions=2)
     assert choose_count(WorkerRequest(4, is_explicit=False), BOX, served) == 2
     assert choose_count(WorkerRequest(2, is_explicit=True), BOX, served) == 2
     with pytest.raises(UsageError, match="4 workers need as many sessions") as refused:

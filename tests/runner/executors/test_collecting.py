@@ -17,10 +17,9 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.collecting import MergingPool, TaskLost, TaskRunner, store_bundle
-from vsnbench.runner.executors.contract import WorkerLost
+from vsnbench.runner.executors.collecting import MergingPool, TaskRunner, store_bundle
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
+from vsnbench.runner.loop.contract import TrialReturned
 from vsnbench.runner.setup.cleanup import sweep_results
 from vsnbench.runner.setup.trial_setup import TrialSetup, TrialSetupSpec, open_trial_setup
 from vsnbench.values.encoding.image_digest import file_digest
@@ -50,11 +49,11 @@ class LocalTasks(TaskRunner):
     def submit(self, trial: Trial, seed: int) -> None:
         self._waiting.append((trial, seed))
 
-    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TrialReturned]:
         trial, seed = self._waiting.popleft()
         if trial.start in self._lost:
             self._lost.remove(trial.start)
-            return [TaskLost(trial, "its node is gone")]
+            return [TrialReturned(trial, "its node is gone")]
         return [run_bundled(self._setup, self._setup.provenance("typed"), PLAN, trial, seed)]
 
     def cancel(self) -> None:
@@ -145,25 +144,27 @@ def test_a_driver_killed_between_files_and_rows_leaves_neither(
 
 def test_a_worker_with_another_setup_is_refused(setup: TrialSetup, tmp_path: Path) -> None:
     rig = campaign_of(setup, tmp_path, starts=1)
-    results, journal, campaign = rig.results, rig.journal, rig.campaign
+    journal, campaign = rig.journal, rig.campaign
     with open_trial_setup(TrialSetupSpec(APARTMENT, "forward", ("chair",), parameters=PARAMETERS)) as other, journal:
         tasks = LocalTasks(other)
         tasks.description = setup.description
         with MergingPool(tasks) as pool:
-            pool.begin(journal, campaign.trials[0], RecordingOptions(results))
+            pool.session_begins(rig.session(pool))
+            pool.begin(campaign.trials[0])
             with pytest.raises(VsnbenchError) as refused:
-                pool.events(0.0)
+                pool.reports(0.0)
         assert refused.value.code == "worker-differs"
         assert journal.campaign_progress(campaign).left == campaign.trials
 
 
 def test_stopping_releases_every_claim(setup: TrialSetup, tmp_path: Path) -> None:
     rig = campaign_of(setup, tmp_path, starts=2)
-    results, journal, campaign = rig.results, rig.journal, rig.campaign
+    journal, campaign = rig.journal, rig.campaign
     with journal:
         with MergingPool(LocalTasks(setup, lost=[1])) as pool:
+            pool.session_begins(rig.session(pool))
             for trial in campaign.trials:
-                pool.begin(journal, trial, RecordingOptions(results))
+                pool.begin(trial)
             assert pool.busy == 2
-            assert isinstance(pool.events(0.0)[0], WorkerLost)
+            assert isinstance(pool.reports(0.0)[0], TrialReturned)
         assert journal.campaign_progress(campaign).left == campaign.trials

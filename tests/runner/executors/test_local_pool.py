@@ -174,7 +174,7 @@ def test_a_late_setup_of_an_earlier_campaign_is_not_used() -> None:
             assert pool.description.card.name == plan.model
         assert pool.free == 1
         late.resume()
-        wait_until(lambda: pool.events(0.1) == [] and pool.free == 2, "the late worker makes the last setup")
+        wait_until(lambda: pool.reports(0.1) == [] and pool.free == 2, "the late worker makes the last setup")
     assert_gone([one, late])
 
 

@@ -8,25 +8,28 @@ from pathlib import Path
 import pytest
 
 from tests.runner.stand_ins import PLAN, PROFILE
+from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, PlannedTrial, Trial
+from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.contract import EpisodeStored, PoolEvent, TrialPool, WorkerLost
-from vsnbench.runner.executors.pool import PoolExecutor
-from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
+from vsnbench.runner.executors.pool import TrialPool
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import EpisodeEnded, LoopEvent, Session, SessionResult, TrialReturned
 from vsnbench.runner.loop.follow_up import LOST_WORKER_LIMIT
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, Display, EndedEpisode
-from vsnbench.runner.setup.trial_setup import SetupDescription
 from vsnbench.runner.stopping.requests import Stopped, StopRequest, StopRequests, of_signal
 from vsnbench.sites.site import Site
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.robot_identity import RobotIdentity
 
+SEED = 700
+DISTURBED = parse_disturbances(["blur=2"])
 DONE = EpisodeOutcome(Verdict(EndReason.STOP, False, "failed"), 3, None, 0.1)
 VOID = EpisodeOutcome(Verdict(EndReason.MODEL_ERROR, None, "void"), 0, None, 0.1, "act: no weights")
 
@@ -43,10 +46,6 @@ class ScriptedPool(TrialPool):
         self.stopped: list[StopRequest] = []
 
     @property
-    def description(self) -> SetupDescription:
-        raise AssertionError("the executor asked a pool for its setup")
-
-    @property
     def free(self) -> int:
         return 2 - len(self._at)
 
@@ -54,18 +53,20 @@ class ScriptedPool(TrialPool):
     def busy(self) -> int:
         return len(self._at)
 
-    def begin(self, journal: Journal, trial: Trial, recording: RecordingOptions) -> None:
+    def begin(self, trial: Trial) -> bool:
         self._at.append(trial)
         self.begun.append(trial.start)
+        return True
 
-    def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+    def reports(self, timeout_s: float) -> Sequence[LoopEvent]:
         trial, what = self._at.popleft(), self._script.popleft()
-        return [WorkerLost(trial, what) if isinstance(what, str) else EpisodeStored(1, trial, what)]
+        claim = Claim(1, "", trial, SEED + trial.start, "")
+        return [TrialReturned(trial, what) if isinstance(what, str) else EpisodeEnded(claim, what)]
 
     def stop(self, request: StopRequest) -> None:
         self.stopped.append(request)
 
-    def kill(self) -> None: ...
+    def halt(self) -> None: ...
 
 
 class Lines(Display):
@@ -93,13 +94,22 @@ class Rig:
     parameters: ProtocolParameters = PLAN.parameters
 
     def run(self, pool: TrialPool, lines: Lines, stop: StopRequests | None = None) -> SessionResult:
-        operator = AbsentOperator(lines)
-        with stop or StopRequests() as stopping:
-            recording = RecordingOptions(self.results)
-            context = SessionContext(self.journal, operator, stopping, self.site, self.parameters, recording)
-            source = CampaignSource(self.journal, self.campaign)
-            reason = run(source, PoolExecutor(context, self.campaign, pool), operator)
-        return SessionResult.of(source.rules, self.journal.campaign_progress(self.campaign), reason)
+        session = self.session(pool)
+        session.operator = AbsentOperator(lines)
+        session.stop_requests = stop or StopRequests()
+        with session.stop_requests:
+            source = CampaignSource(session, self.campaign)
+            return source.result(run(source, session))
+
+    def session(self, pool: TrialPool) -> Session:
+        return Session(
+            journal=self.journal,
+            robots=pool,
+            recording=RecordingOptions(self.results),
+            site=self.site,
+            parameters=self.parameters,
+            disturbances=DISTURBED,
+        )
 
 
 @pytest.fixture
@@ -108,7 +118,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     results.prepare()
     trials = [PlannedTrial(PLAN.goal, number) for number in range(1, 9)]
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    plan = CampaignPlan(PLAN.site, robot, ModelIdentity("scripted"), PLAN.parameters, 0, trials)
+    plan = CampaignPlan(PLAN.site, robot, ModelCard("scripted"), PLAN.parameters, 0, trials)
     with Journal.open(results.database_url) as journal:
         yield Rig(journal, journal.find_or_create_campaign(plan), results)
 
@@ -119,6 +129,8 @@ def test_every_trial_runs_once_in_the_order_of_the_plan(rig: Rig) -> None:
     assert pool.begun == [1, 2, 3, 4, 5, 6, 7, 8]
     assert (result.episodes, result.void, result.stopped_because) == (8, 0, "")
     assert [ended.plan.start.number for ended in lines.ended] == pool.begun
+    plans = [(ended.plan.seed, ended.plan.disturbances) for ended in lines.ended]
+    assert plans == [(SEED + start, DISTURBED) for start in pool.begun], "what is shown is the plan of the claim"
     assert lines.lines == ["2 workers: scripted"]
 
 
@@ -137,12 +149,12 @@ def test_the_loop_waits_for_workers_that_replace_lost_ones(rig: Rig) -> None:
         def free(self) -> int:
             return super().free if self.ready else 0
 
-        def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+        def reports(self, timeout_s: float) -> Sequence[LoopEvent]:
             if not self.busy:
                 self.ready = True
                 return []
-            happened = super().events(timeout_s)
-            self.ready = not isinstance(happened[0], WorkerLost)
+            happened = super().reports(timeout_s)
+            self.ready = not isinstance(happened[0], TrialReturned)
             return happened
 
     pool = Starting([*["SIGKILL"] * 2, *[DONE] * 8])

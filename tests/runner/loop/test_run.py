@@ -20,15 +20,14 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, OpenCampaign, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
-from vsnbench.runner.loop.follow_up import FollowUpRules
+from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import Session, SessionResult
 from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode, Judgement, Operator
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.emergency_key import PRESSED
@@ -36,6 +35,7 @@ from vsnbench.runner.stopping.requests import StopAuthor, Stopped, StopRequest, 
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.robot_identity import RobotIdentity
 
@@ -51,7 +51,7 @@ def campaign_of(journal: Journal, *, simulated: bool = False, starts: int = 1):
     plan = CampaignPlan(
         site=PLAN.site,
         robot=RobotIdentity(PROFILE, "simulated" if simulated else "ros1", simulated),
-        model=ModelIdentity("scripted"),
+        model=ModelCard("scripted"),
         protocol=PLAN.parameters,
         seed=0,
         trials=[PlannedTrial(PLAN.goal, number) for number in range(1, starts + 1)],
@@ -104,11 +104,18 @@ def run_campaign(
     recording: RecordingOptions,
     stop: StopRequests,
 ) -> SessionResult:
-    context = SessionContext(journal, operator, stop, PLAN.site, PLAN.parameters, recording)
     model = DrivingModel(policy, "scripted")
-    source = CampaignSource(journal, campaign, FollowUpRules(repeats_void_trials=operator.repeats_void_trials))
-    reason = run(source, InProcessExecutor(context, robot, SingleModel(model)), operator)
-    return SessionResult.of(source.rules, journal.campaign_progress(campaign), reason)
+    session = Session(
+        journal=journal,
+        robots=InProcessExecutor(robot, lambda _trial: model),
+        recording=recording,
+        site=PLAN.site,
+        parameters=PLAN.parameters,
+        stop_requests=stop,
+        operator=operator,
+    )
+    source = CampaignSource(session, campaign)
+    return source.result(run(source, session))
 
 
 def drive(
@@ -379,5 +386,5 @@ def test_a_claim_is_renewed_during_a_long_placement(results: ResultsDirectory, m
                 threading.Event().wait(0.02)
             assert read(results, "SELECT lease_until FROM episode") > first
 
-    monkeypatch.setattr("vsnbench.runner.executors.in_process.LEASE", timedelta(seconds=0.15))
+    monkeypatch.setattr("vsnbench.runner.executors.leases.LEASE", timedelta(seconds=0.15))
     drive(results, ByHand(), Slow(None), [Action.STOP])

@@ -10,8 +10,8 @@ from tests.runner.stand_ins import PLAN, ScriptedPolicy
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import Step
-from vsnbench.runner.operator.contract import AbsentOperator
-from vsnbench.runner.operator.progress import CampaignProgress, TrialCounts
+from vsnbench.runner.operator.contract import AbsentOperator, TrialCounts
+from vsnbench.runner.operator.progress import ProgressDisplay
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
 
@@ -29,7 +29,7 @@ def test_the_bar_shows_the_time_and_the_path_that_are_left(limits: dict[str, flo
     parameters = ProtocolParameters.model_validate({"max_actions": 2, **limits})
     shown: list[str] = []
 
-    class Kept(CampaignProgress):
+    class Kept(ProgressDisplay):
         def step(self, goal: str, start: int, step: Step) -> None:
             super().step(goal, start, step)
             shown.append(self._bar.tasks[0].fields["now"])

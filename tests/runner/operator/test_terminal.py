@@ -17,8 +17,8 @@ from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.operator.contract import Display, EndedEpisode, Judgement
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.operator.prompts import OperatorPrompts
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
-from vsnbench.runner.operator.terminal import OperatorDuties, TerminalOperator
+from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.operator.terminal import TerminalOperator
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import StartingPosition
@@ -51,10 +51,10 @@ class Terminal(Display):
         return self.console.file.getvalue()
 
 
-def operator_at(terminal: Terminal, duties: OperatorDuties | None = None) -> TerminalOperator:
+def operator_at(terminal: Terminal, *, has_page: bool = False) -> TerminalOperator:
     stop, prompts = StopRequests(), OperatorPrompts()
     prompts.read_line = terminal.read_line
-    return TerminalOperator(terminal, EmergencyStop(lambda: None, stop.ask), stop, prompts, duties)
+    return TerminalOperator(terminal, EmergencyStop(lambda: None, stop.ask), stop, prompts, has_page=has_page)
 
 
 def placing_blind() -> Placing:
@@ -163,7 +163,7 @@ def test_a_closed_terminal_does_not_judge(answers: tuple[str, ...]) -> None:
 
 
 def test_void_trials_run_again_in_the_session_only_with_a_page() -> None:
-    assert operator_at(Terminal(), OperatorDuties(has_page=True)).repeats_void_trials
+    assert operator_at(Terminal(), has_page=True).repeats_void_trials
     assert not operator_at(Terminal()).repeats_void_trials
 
 
@@ -171,6 +171,6 @@ def test_a_run_without_a_terminal_is_refused_unless_unattended(monkeypatch: pyte
     monkeypatch.setattr("sys.stdin", io.StringIO())
     profile = load_profile("turtlebot2")
     with pytest.raises(UsageError) as refused:
-        TerminalOperatorProvider().require(profile)
+        OperatorProvider().require(profile)
     assert refused.value.code == "no-operator"
-    TerminalOperatorProvider(unattended=True).require(profile)
+    OperatorProvider(unattended=True).require(profile)

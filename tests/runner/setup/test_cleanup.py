@@ -11,10 +11,11 @@ from vsnbench.files.atomic import part_path
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.writing.campaigns import CampaignPlan, ModelIdentity, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.setup.cleanup import sweep_results
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.robot_identity import RobotIdentity
 
 
@@ -31,7 +32,7 @@ def test_uncommitted_images_and_incomplete_files_are_removed(tmp_path: Path, dea
     plan = CampaignPlan(
         PLAN.site,
         RobotIdentity(PROFILE, "simulated", True),
-        ModelIdentity("scripted"),
+        ModelCard("scripted"),
         PLAN.parameters,
         0,
         [PlannedTrial(PLAN.goal, 1)],

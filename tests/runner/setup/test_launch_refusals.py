@@ -8,13 +8,14 @@ import pytest
 from vsnbench.errors import SiteError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.settings.yaml_text import dump_yaml
 from vsnbench.sites.site import load_site
 
-UNATTENDED = TerminalOperatorProvider(unattended=True)
+UNATTENDED = OperatorProvider(unattended=True)
 
 
 def request(tmp_path: Path, **changes: object) -> RunRequest:
@@ -22,9 +23,8 @@ def request(tmp_path: Path, **changes: object) -> RunRequest:
     path = tmp_path / "flat.yaml"
     path.write_text(dump_yaml(content), encoding="utf-8")
     results = ResultsDirectory.locate(tmp_path / "results", None)
-    return RunRequest(
-        "random", ("chair",), results, site=str(path), starts="1", parameters=ProtocolParameters(max_actions=2)
-    )
+    setup = TrialSetupSpec(load_site(str(path)), "random", ("chair",), parameters=ProtocolParameters(max_actions=2))
+    return RunRequest(setup, results, site=str(path), starts=(1,))
 
 
 def test_a_missing_wall_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
@@ -47,4 +47,4 @@ def test_warnings_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -
     with caplog.at_level(logging.WARNING):
         launched = launch(request(tmp_path, starts=starts[:3]), UNATTENDED)
     assert "has 3 starting positions" in caplog.text
-    assert launched.campaign.id
+    assert launched.campaign_id

@@ -19,12 +19,19 @@ from vsnbench.runner.setup.stress import (
     unseen_by,
     weakness_of,
 )
-from vsnbench.runner.setup.sweep import PlannedCampaign, plan_sweep
+from vsnbench.runner.setup.sweep import plan_sweep
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
+from vsnbench.sites.site import load_site
 from vsnbench.statistics.power import Design
 from vsnbench.study.power import ASSUMED
 from vsnbench.values.observation import Sensor
 
-REQUEST = RunRequest("vlv", ("chair,bed",), ResultsDirectory.locate(Path("unused"), None, {}), repetitions=2)
+SETUP = TrialSetupSpec(load_site("apartment"), "vlv", ("chair,bed",))
+REQUEST = RunRequest(SETUP, ResultsDirectory.locate(Path("unused"), None, {}), repetitions=2)
+
+
+def of_model(name: str, **changes: object) -> RunRequest:
+    return replace(REQUEST, setup=replace(SETUP, model=name, **changes))
 
 
 def design(starts: int, conditions: int) -> Design:
@@ -66,9 +73,8 @@ def test_a_disturbance_that_a_model_cannot_see_is_left_out_for_that_model() -> N
     conditions = (NONE, *(parse_disturbances([text]) for text in ("blur@3", "depth_holes@3", "latency@3")))
     unseen = unseen_by({"sees": frozenset({Sensor.RGB}), "maps": frozenset({Sensor.DEPTH})}, conditions)
     assert unseen == {"sees": ("depth_holes",), "maps": ("blur",)}
-    campaigns = [PlannedCampaign(replace(REQUEST, model=name), 30, "apartment", 15) for name in ("sees", "maps", "new")]
-    swept = under_conditions(tuple(campaigns), conditions, unseen)
-    assert [(one.request.model, one.request.disturbances.text) for one in swept if one.request.disturbances] == [
+    swept = under_conditions(tuple(map(of_model, ("sees", "maps", "new"))), conditions, unseen)
+    assert [(one.setup.model, one.setup.disturbances.text) for one in swept if one.setup.disturbances] == [
         *(("sees", text) for text in ("blur=4", "latency=0.3")),
         *(("maps", text) for text in ("depth_holes=0.2", "latency=0.3")),
         *(("new", text) for text in ("blur=4", "depth_holes=0.2", "latency=0.3")),
@@ -84,6 +90,6 @@ def test_a_test_in_which_no_model_sees_a_disturbance_is_refused() -> None:
 
 
 def test_what_a_model_sees_is_asked_of_its_card_and_a_model_that_fails_is_left_to_its_campaigns() -> None:
-    campaigns = plan_sweep(replace(REQUEST, model="random"), ("random", "oracle"), (0,), ("apartment",))
-    broken = replace(campaigns[0], request=replace(REQUEST, model="pirlnav", model_options={"weights": "missing.pth"}))
+    campaigns = plan_sweep(of_model("random"), ("random", "oracle"), (0,), ("apartment",))
+    broken = of_model("pirlnav", model_options={"weights": "missing.pth"})
     assert seen_by((*campaigns, broken)) == {"random": frozenset(), "oracle": frozenset({Sensor.ODOMETRY})}

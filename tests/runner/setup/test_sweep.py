@@ -11,11 +11,12 @@ import pytest
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput
 from vsnbench.runner.executors.capacity import WorkerOptions
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import AbsentOperator, Operator
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession, TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import named_site
 from vsnbench.runner.setup.stress import conditions_of, under_conditions
@@ -28,24 +29,28 @@ from vsnbench.runner.setup.sweep import (
     run_sweep,
     undone,
 )
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runner.stopping.requests import Stopped
-from vsnbench.values.robot_profile import RobotProfile
+from vsnbench.sites.site import load_site
 
-REQUEST = RunRequest(
-    "forward", ("chair",), ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2)
-)
+SETUP = TrialSetupSpec(load_site("apartment"), "forward", ("chair",), keep=KeepFiles.IMAGES)
+REQUEST = RunRequest(SETUP, ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2))
+
+
+def asked_for(request: RunRequest = REQUEST, **changes: object) -> RunRequest:
+    return replace(request, setup=replace(request.setup, **changes))
 
 
 def test_a_sweep_has_every_combination_and_seeds_vary_slowest() -> None:
     sweep = plan_sweep(REQUEST, ("forward", "random"), (0, 1, 5), ("apartment", "flat:3", "flat:4", "flat:9"))
-    assert [(one.seed, one.site, one.model) for one in (campaign.request for campaign in sweep)] == [
+    assert [(one.seed, one.site, one.setup.model) for one in sweep] == [
         (seed, site, model)
         for seed in (0, 1, 5)
         for site in ("apartment", "flat:3", "flat:4", "flat:9")
         for model in ("forward", "random")
     ]
-    assert {campaign.site_name for campaign in sweep} == {"apartment", "flat-3", "flat-4", "flat-9"}
-    assert all(15 <= campaign.trials <= 18 for campaign in sweep)
+    assert {request.site_name for request in sweep} == {"apartment", "flat-3", "flat-4", "flat-9"}
+    assert all(15 <= request.max_trials <= 18 for request in sweep)
 
 
 def test_a_generated_site_has_its_own_name() -> None:
@@ -70,12 +75,12 @@ def test_an_invalid_sweep_is_refused_before_anything_runs(
 
 def test_a_sweep_refuses_real_robots_and_options_of_one_model() -> None:
     with pytest.raises(UsageError) as refused:
-        plan_sweep(replace(REQUEST, robot="turtlebot2"), ("forward",), (0, 1), ("apartment",))
+        plan_sweep(asked_for(robot="turtlebot2"), ("forward",), (0, 1), ("apartment",))
     assert refused.value.code == "real-robot"
     with pytest.raises(UsageError, match="--weights is for one model"):
-        plan_sweep(replace(REQUEST, model_options={"weights": "x"}), ("forward", "random"), (0,), ("apartment",))
+        plan_sweep(asked_for(model_options={"weights": "x"}), ("forward", "random"), (0,), ("apartment",))
     with pytest.raises(UsageError) as refused:
-        plan_sweep(replace(REQUEST, goals=("zebra",)), ("forward",), (0, 1), ("apartment",))
+        plan_sweep(asked_for(goals=("zebra",)), ("forward",), (0, 1), ("apartment",))
     assert refused.value.code == "unknown-goal"
 
 
@@ -94,7 +99,7 @@ def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
     conditions = conditions_of(["glare", "blur"], (5, 1))
     assert [condition.text for condition in conditions] == ["", "glare=0.2", "glare=1", "blur=1", "blur=10"]
     sweep = under_conditions(plan_sweep(REQUEST, ("forward", "random"), (0,), ("apartment",)), conditions, {})
-    assert [(campaign.request.model, campaign.request.disturbances.text) for campaign in sweep[4:7]] == [
+    assert [(request.setup.model, request.setup.disturbances.text) for request in sweep[4:7]] == [
         ("forward", "blur=10"),
         ("random", ""),
         ("random", "glare=0.2"),
@@ -129,10 +134,10 @@ def test_an_invalid_stress_test_is_refused(names: Sequence[str], severities: Seq
 
 @pytest.mark.slow
 def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:
-    asked = replace(REQUEST, goals=("bathtub,chair",), starts="1")
+    asked = replace(asked_for(goals=("bathtub,chair",)), starts=(1,))
     lacking = "flat:3"
     assert "bathtub" not in named_site(lacking).categories
-    assert [campaign.trials for campaign in plan_sweep(asked, ("forward",), (0,), (lacking, "flat:0"))] == [2, 2]
+    assert [request.max_trials for request in plan_sweep(asked, ("forward",), (0,), (lacking, "flat:0"))] == [2, 2]
     with pytest.raises(UsageError) as refused:
         plan_sweep(asked, ("forward",), (0, 1), (lacking,))
     assert refused.value.code == "unknown-goal"
@@ -140,7 +145,7 @@ def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:
 
 def test_a_goal_that_no_generated_site_has_is_refused_before_anything_runs() -> None:
     with pytest.raises(UsageError) as refused:
-        plan_sweep(replace(REQUEST, goals=("chair", "zebra")), ("forward",), (0,), ("flat:3", "flat:0"))
+        plan_sweep(asked_for(goals=("chair", "zebra")), ("forward",), (0,), ("flat:3", "flat:0"))
     assert refused.value.code == "unknown-goal"
 
 
@@ -149,13 +154,13 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     results = ResultsDirectory.locate(tmp_path / "results")
-    asked = replace(REQUEST, results=results, starts="1", parameters=ProtocolParameters(max_actions=1))
-    operators = TerminalOperatorProvider(unattended=True)
+    asked = replace(asked_for(parameters=ProtocolParameters(max_actions=1)), results=results, starts=(1,))
+    operators = OperatorProvider(unattended=True)
     with caplog.at_level(logging.WARNING):
-        both = replace(asked, goals=("bathtub", "chair"), workers=WorkerOptions(1))
+        both = replace(asked_for(asked, goals=("bathtub", "chair")), workers=WorkerOptions(1))
         swept = list(run_sweep(plan_sweep(both, ("forward",), (0,), ("flat:3", "flat:0")), operators))
-        assert [len(each.launched.campaign.trials) for each in swept if each.launched] == [1, 2]
-        only = replace(both, goals=("bathtub",))
+        assert [each.session.trials for each in swept if each.session] == [1, 2]
+        only = asked_for(both, goals=("bathtub",))
         swept = list(run_sweep(plan_sweep(only, ("forward",), (0,), ("flat:3", "flat:0")), operators))
     assert [each.is_skipped for each in swept] == [True, False]
     assert undone(swept) == (0, 0)
@@ -163,22 +168,18 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
 
 
 def test_ctrl_c_after_the_last_trial_of_a_campaign_ends_the_sweep(tmp_path: Path) -> None:
+    sessions: list[Session] = []
+
     class InterruptedOperators(OperatorProvider):
-        sessions = 0
-
-        def require(self, profile: RobotProfile) -> None:
-            del profile
-
         @contextmanager
-        def attend(self, session: OperatorSession) -> Iterator[Operator]:
-            self.sessions += 1
+        def attend(self, session: Session) -> Iterator[Operator]:
+            sessions.append(session)
             yield AbsentOperator()
             os.kill(os.getpid(), signal.SIGINT)
 
     results = ResultsDirectory.locate(tmp_path / "results")
-    one_trial = replace(REQUEST, results=results, starts="1", parameters=ProtocolParameters(max_actions=1))
+    one_trial = replace(asked_for(parameters=ProtocolParameters(max_actions=1)), results=results, starts=(1,))
     sweep = plan_sweep(replace(one_trial, workers=WorkerOptions(1)), ("forward",), (0, 1, 2), ("apartment",))
-    operators = InterruptedOperators()
     with pytest.raises(Stopped):
-        list(run_sweep(sweep, operators))
-    assert operators.sessions == 1
+        list(run_sweep(sweep, InterruptedOperators()))
+    assert len(sessions) == 1

@@ -9,7 +9,7 @@ from shapely import affinity
 from shapely.geometry import Point, box
 
 from tests.simulator.places import GREY, pillar
-from vsnbench.simulator.dynamics.clearance import NearestSolid
+from vsnbench.simulator.dynamics.clearance import SolidDistances
 from vsnbench.simulator.primitives import Primitive, Quaternion, Shape
 
 sizes = st.floats(0.02, 1.0)
@@ -27,7 +27,9 @@ def test_the_distance_to_an_upright_box_is_exact(
 ) -> None:
     solid = Primitive(Shape.BOX, (x, y, 0.5), (half_x, half_y, 0.5), GREY, about_z(yaw))
     shadow = affinity.translate(affinity.rotate(box(-half_x, -half_y, half_x, half_y), yaw, (0, 0), True), x, y)
-    assert NearestSolid([solid], 0.0, 1.0).distance_m(px, py) == pytest.approx(shadow.distance(Point(px, py)), abs=1e-9)
+    assert SolidDistances([solid], 0.0, 1.0).distance_m(px, py) == pytest.approx(
+        shadow.distance(Point(px, py)), abs=1e-9
+    )
 
 
 quaternions = (
@@ -58,14 +60,14 @@ def test_the_distance_to_a_tilted_box_is_never_too_large(
         for i in range(3)
     ]
     distance_m = math.dist((px, py), (0.3 + turned[0], -0.2 + turned[1]))
-    assert NearestSolid([solid], -9.0, 9.0).distance_m(px, py) <= distance_m + 1e-9
+    assert SolidDistances([solid], -9.0, 9.0).distance_m(px, py) <= distance_m + 1e-9
 
 
 def test_the_nearest_of_several_counts_and_an_empty_floor_is_infinitely_free() -> None:
-    assert NearestSolid([pillar(1, 0), pillar(3, 0)], 0.0, 1.0).distance_m(2.8, 0.0) == pytest.approx(0.1)
-    assert NearestSolid([], 0.0, 1.0).distance_m(0.0, 0.0) == math.inf
+    assert SolidDistances([pillar(1, 0), pillar(3, 0)], 0.0, 1.0).distance_m(2.8, 0.0) == pytest.approx(0.1)
+    assert SolidDistances([], 0.0, 1.0).distance_m(0.0, 0.0) == math.inf
 
 
 def test_only_what_reaches_into_the_band_of_heights_is_kept() -> None:
     low, high, between = pillar(0, 0, top_m=0.02), pillar(0, 0, bottom_m=0.7, top_m=2), pillar(0, 0)
-    assert NearestSolid([low, high, between], 0.03, 0.6).solids == [between]
+    assert SolidDistances([low, high, between], 0.03, 0.6).solids == [between]

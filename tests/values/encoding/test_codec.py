@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from vsnbench.errors import DecisionError
 from vsnbench.models.remote.vsnbench_policy import Camera as RemoteCamera
 from vsnbench.models.remote.vsnbench_policy import Observation as RemoteObservation
-from vsnbench.models.remote.vsnbench_policy import WireError, observation_of, pack, unpack
-from vsnbench.values.action import Action
+from vsnbench.models.remote.vsnbench_policy import WireError, decision_of, observation_of, pack, unpack
+from vsnbench.values.action import DISCRETE_ACTIONS, Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.values.encoding.codec import (
@@ -27,6 +27,7 @@ from vsnbench.values.encoding.codec import (
     diagnostics_to_details,
     observation_to_message,
 )
+from vsnbench.values.movement import Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor, shown_to_policy
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -65,6 +66,26 @@ def alike(one: Decision, other: Decision) -> bool:
 def test_a_decision_survives_as_json() -> None:
     message = json.loads(json.dumps(decision_to_message(FULL), allow_nan=False))
     assert alike(decision_from_message(message), FULL)
+
+
+MOVEMENTS = (
+    Move(0.5, -1.0),
+    Waypoint(1.0, -0.5),
+    Waypoint(1.0, 0.5, 0.25),
+    Trajectory(((0.5, 0.0), (1.0, 0.5))),
+    Velocity(0.2, -0.5, 1.5),
+    Pixel(10.5, 20.0),
+    Chunk((Action.TURN_LEFT, Waypoint(0.5, 0.0), Move(0.25))),
+)
+
+
+@pytest.mark.parametrize("decision", [FULL, *map(Decision, [*DISCRETE_ACTIONS, *MOVEMENTS])], ids=str)
+def test_the_stand_alone_file_sends_what_the_codec_reads(decision: Decision) -> None:
+    message = unpack(pack({"type": "decision", **decision_of(decision_to_message(decision))}))
+    arrived = decision_from_message(message)
+    assert (arrived.action, arrived.raw_action) == (decision.action, decision.raw_action)
+    assert (arrived.movement, arrived.parts) == (decision.movement, decision.parts)
+    assert decision_to_message(arrived) == decision_to_message(decision)
 
 
 def test_a_decision_survives_in_the_columns_of_the_record() -> None:

@@ -25,14 +25,10 @@ def card_rows(card: "ModelCard | None", profile: "RobotProfile | None" = None) -
     ]
 
 
-def card_json(card: "ModelCard | None") -> dict[str, Any]:
-    """Return goals, answers, assumed step sizes and camera as JSON fields; None if they are unknown."""
-    if card is None:
-        return dict.fromkeys(("goal_kinds", "action_kinds", "forward_m", "turn_deg", "camera"))
-    return {
-        "goal_kinds": sorted(card.goal_kinds),
-        "action_kinds": sorted(card.action_kinds),
-        "forward_m": card.forward_m,
-        "turn_deg": card.turn_deg,
-        "camera": None if card.camera is None else card.camera.model_dump(mode="json"),
-    }
+_SHOWN = ("goal_kinds", "action_kinds", "forward_m", "turn_deg", "camera")
+
+
+def card_json(card: "ModelCard | None", *others: str) -> dict[str, Any]:
+    """Return goals, answers, assumed step sizes, camera and other fields as JSON fields; None if they are unknown."""
+    values = {} if card is None else card.as_json()
+    return {name: values.get(name) for name in (*others, *_SHOWN)}

@@ -100,6 +100,7 @@ def show(name: ModelName, as_json: Json = False) -> None:
         vsnbench models show mylab.policy:Policy --json
     """
     from vsnbench.models.description import describe_model
+    from vsnbench.values.observation import Sensor
 
     with without_prints_of_models(as_json=as_json):
         model = describe_model(name)
@@ -109,8 +110,8 @@ def show(name: ModelName, as_json: Json = False) -> None:
     console = Console()
     console.print(f"[bold]{escape(model.name)}[/bold]: {escape(model.summary)}\n", highlight=False)
     rows = [("class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
-    if model.sensors:
-        rows.append(("sensors", ", ".join(model.sensors)))
+    if model.card is not None and model.card.sensors:
+        rows.append(("sensors", ", ".join(sensor for sensor in Sensor if sensor in model.card.sensors)))
     flags, others = _keywords(model)
     rows.append(("options", ", ".join(flags) or "none"))
     if others:
@@ -207,7 +208,7 @@ app.command("fetch")(fetch)
 
 
 def _goals(model: "ModelDescription") -> str:
-    return "any" if model.goals is None else ", ".join(model.goals)
+    return "any" if model.card is None or model.card.goals is None else ", ".join(sorted(model.card.goals))
 
 
 def _keywords(model: "ModelDescription") -> tuple[list[str], list[str]]:
@@ -247,9 +248,8 @@ def _description_json(model: "ModelDescription") -> dict[str, Any]:
         "name": model.name,
         "class": model.where,
         "summary": model.summary,
-        "goals": None if model.goals is None else list(model.goals),
-        **card_json(model.card),
-        "sensors": [sensor.value for sensor in model.sensors],
+        **card_json(model.card, "goals"),
+        "sensors": [] if model.card is None else card_json(model.card, "sensors")["sensors"],
         "options": _keywords(model)[0],
         "keywords": dict(model.keywords),
         "weights_file": model.weights_file or None,

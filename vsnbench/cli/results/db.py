@@ -1,6 +1,5 @@
 """`vsnbench db`: location, state, upgrade, backup and merge of the results database."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,8 +43,8 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     Example: [bold]vsnbench db status --results /data/apartment[/bold]
     """
     from vsnbench.results.database_url import sqlite_path
-    from vsnbench.results.reading.queries import campaign_states, count_episodes
-    from vsnbench.results.reading.rows import EpisodeFilter
+    from vsnbench.results.model import CAMPAIGN
+    from vsnbench.results.reading.queries import list_campaigns, outcome_counts
     from vsnbench.results.schema.engine import open_engine
     from vsnbench.results.schema.migrate import schema_state
 
@@ -54,11 +53,8 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     schema = schema_state(engine)
     file = sqlite_path(place.database_url)
     size = file.stat().st_size if file else None
-    campaigns = campaign_states(engine) if schema.up_to_date else ()
-    outcomes = ("success", "failure", "unjudged", "void", "running")
-    episodes = {
-        outcome: count_episodes(engine, EpisodeFilter(outcome=outcome)) for outcome in outcomes if schema.up_to_date
-    }
+    campaigns = list_campaigns(engine) if schema.up_to_date else ()
+    episodes = outcome_counts(engine) if schema.up_to_date else {}
     engine.dispose()
     if as_json:
         print_json(
@@ -68,7 +64,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
                 "newest_schema": schema.head,
                 "size_bytes": size,
                 "episodes": episodes,
-                "campaigns": [asdict(campaign) for campaign in campaigns],
+                "campaigns": [CAMPAIGN.json(campaign) for campaign in campaigns],
             }
         )
         return

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.build import Report
     from vsnbench.report.figures.style import Drawing
-    from vsnbench.report.tables.report_table import ReportTable
+    from vsnbench.report.table import ReportTable
     from vsnbench.results.files.directory import ResultsDirectory
 
 logger = logging.getLogger(__name__)
@@ -246,7 +246,7 @@ def print_tables_as(form: str, tables: "Sequence[ReportTable]", column_in: float
     """Print tables as `table`, `markdown` or `latex`, which is set for columns of this width, inches."""
     from vsnbench.report.formats.latex import latex
     from vsnbench.report.formats.markdown import markdown
-    from vsnbench.report.tables.report_table import print_tables
+    from vsnbench.report.table import print_tables
 
     if form == "table":
         print_tables(tables, page())

@@ -106,43 +106,48 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
     from vsnbench.protocol.named import load_protocol
-    from vsnbench.runner.operator.provider import TerminalOperatorProvider
+    from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
+    from vsnbench.runner.setup.selection import choose_starts, named_site
+    from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 
-    page = operator_page(console)
-    request = RunRequest(
+    page, config, first_site = operator_page(console), load_config(), named_site(sites[0])
+    directory = results_directory(results, db)
+    setup = TrialSetupSpec(
+        site=first_site,
         model=models[0],
         goals=tuple(goal),
-        results=results_directory(results, db),
-        site=sites[0],
         robot=robot,
-        starts=",".join(starts) if starts else None,
-        repetitions=repetitions,
-        parameters=load_protocol(protocol).limited_to(max_steps),
-        device=load_config().models.device,
-        seed=seeds[0],
         noise=noise,
-        disturbances=parse_disturbances(disturb or ()),
         rehearsal=rehearse,
-        fit=fit_of(load_config()),
+        disturbances=parse_disturbances(disturb or ()),
+        parameters=load_protocol(protocol).limited_to(max_steps),
         model_options=trial.model_options(weights, model_config),
-        act_timeout_s=load_config().models.act_timeout_s,
-        isolation=None if isolate is None else _isolation(isolate, results_directory(results, db)),
+        device=config.models.device,
+        act_timeout_s=config.models.act_timeout_s,
+        isolation=None if isolate is None else _isolation(isolate, directory),
+        fit=fit_of(config),
+        keep=what_to_keep(keep, robot, live=live, has_operator=page is not None or rehearse),
+    )
+    request = RunRequest(
+        setup=setup,
+        results=directory,
+        site=sites[0],
+        starts=choose_starts(",".join(starts), first_site) if starts else (),
+        repetitions=repetitions,
+        seed=seeds[0],
         workers=requested_workers(workers),
-        keep=what_to_keep(keep, live=live),
         attended=page is not None,
         fail_fast=fail_fast,
     )
     if len(models) * len(seeds) * len(sites) == 1:
-        provider = TerminalOperatorProvider(unattended, page)
-        run_and_exit(lambda: _run_and_report(request, provider, live=live, as_json=as_json), summary_console())
+        provider, single = OperatorProvider(unattended, page.serve if page else None), request.at(sites[0], first_site)
+        run_and_exit(summary_console(), _run_and_report, single, provider, live=live, as_json=as_json)
     if page is not None:
         raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
     from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console
 
-    run_and_exit(
-        lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json), sweep_console()
-    )
+    run_and_exit(sweep_console(), run_sweep_and_report, request, models, seeds, sites, live=live, as_json=as_json)
 
 
 def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":
@@ -171,10 +176,10 @@ def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live
     from vsnbench.viewer.live import RerunEpisodes
 
     with without_prints_of_models(as_json=as_json), RerunEpisodes(live=live) as viewer:
-        launched = launch(request, provider, viewer)
+        result = launch(request, provider, viewer)
         viewer.linger()
     if not (as_json and is_quiet()):
-        print_summary(summary_console(), launched, request)
+        print_summary(summary_console(), result, request)
     if as_json:
-        print_json(fields_of(launched, request))
-    return 1 if launched.result.left or launched.result.elsewhere else 0
+        print_json(fields_of(result, request))
+    return 1 if result.left or result.elsewhere else 0

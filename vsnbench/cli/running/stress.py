@@ -97,6 +97,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.sweep_summary import sweep_console
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
+    from vsnbench.runner.setup.selection import choose_starts, named_site
     from vsnbench.runner.setup.stress import (
         check_detects,
         check_robot,
@@ -109,27 +110,34 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         weakness_of,
     )
     from vsnbench.runner.setup.sweep import plan_sweep
+    from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 
     names = [name for value in disturb or () for name in value.split(",")]
     conditions = conditions_of(names, split_numbers(severity, "--severity", "1,3,5"))
     check_figure(figure)
     check_robot(robot)
     models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
-    request = RunRequest(
+    config, first_site = load_config(), named_site(sites[0])
+    setup = TrialSetupSpec(
+        site=first_site,
         model=models[0],
         goals=tuple(goal),
-        results=results_directory(results, db),
         robot=robot,
-        starts=",".join(starts) if starts else None,
-        repetitions=repetitions,
-        parameters=load_protocol(protocol).limited_to(max_steps),
-        device=load_config().models.device,
         noise=noise,
-        fit=fit_of(load_config()),
+        parameters=load_protocol(protocol).limited_to(max_steps),
         model_options=trial.model_options(weights, model_config),
-        act_timeout_s=load_config().models.act_timeout_s,
+        device=config.models.device,
+        act_timeout_s=config.models.act_timeout_s,
+        fit=fit_of(config),
+        keep=what_to_keep(keep, robot),
+    )
+    request = RunRequest(
+        setup=setup,
+        results=results_directory(results, db),
+        site=sites[0],
+        starts=choose_starts(",".join(starts), first_site) if starts else (),
+        repetitions=repetitions,
         workers=requested_workers(workers),
-        keep=what_to_keep(keep, live=False),
     )
     with without_prints_of_models(as_json=as_json):
         campaigns = plan_sweep(request, models, seeds, sites)
@@ -150,4 +158,4 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         logger.warning("%s", weakness)
     else:
         sweep_console().print(power_line(design))
-    run_and_exit(lambda: run_stress(sweep, request, unseen, figure, as_json=as_json), sweep_console())
+    run_and_exit(sweep_console(), run_stress, sweep, request, unseen, figure, as_json=as_json)

@@ -13,7 +13,7 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.stress import StressedCampaigns, StressedModel, stressed_model
-from vsnbench.report.tables.report_table import print_tables
+from vsnbench.report.table import print_tables
 from vsnbench.report.tables.stress import stress_fields, stress_table
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest
@@ -77,9 +77,9 @@ def _stressed(
     """Return the losses of every model in every site; none where nothing has a result."""
     found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
     for campaign in swept:
-        if campaign.launched is not None:
-            own = found.setdefault((campaign.request.model, campaign.request.site), {})
-            own.setdefault(campaign.request.disturbances, []).append(campaign.launched.campaign.id)
+        if campaign.session is not None:
+            own = found.setdefault((campaign.request.setup.model, campaign.request.site), {})
+            own.setdefault(campaign.request.setup.disturbances, []).append(campaign.session.campaign_id)
     numbers = [number for own in found.values() for several in own.values() for number in several]
     if not numbers:
         return []

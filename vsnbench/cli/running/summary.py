@@ -6,14 +6,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import NoReturn
+from typing import NoReturn, ParamSpec
 
 import typer
 from rich.markup import escape
 
 from vsnbench.cli.support.output import is_quiet
 from vsnbench.results.files.directory import TEMPORARY_RESULTS, ResultsDirectory
-from vsnbench.runner.setup.launch import Launched
+from vsnbench.runner.loop.contract import SessionResult
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped
 from vsnbench.runtime.child_process import adopt_orphans, descendants, end_descendants
@@ -22,11 +22,13 @@ from vsnbench.text.terminal import Console
 
 logger = logging.getLogger(__name__)
 
+P = ParamSpec("P")
+
 THREAD_TIMEOUT_S = 2.0
 """Time to wait at exit for threads that a model started."""
 
 
-def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
+def run_and_exit(console: Console, run: Callable[P, int], *arguments: P.args, **options: P.kwargs) -> NoReturn:
     """Run trials and exit with the code that `run` returns, also if threads of a model would keep the process alive.
 
     If a person or a signal stops the run, the message goes to the console, and the exit code is 129 to 143. Processes
@@ -36,7 +38,7 @@ def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
     threads, pids = threading.enumerate(), frozenset(process.pid for process in descendants())
     adopt_orphans()
     try:
-        code = run()
+        code = run(*arguments, **options)
     except Stopped as stopped:
         request = stopped.request
         by = request.means if request.author is StopAuthor.PERSON else request.description
@@ -83,17 +85,16 @@ def print_awaiting(console: Console, awaiting: int, results: ResultsDirectory) -
         )
 
 
-def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
+def fields_of(result: SessionResult, request: RunRequest) -> dict[str, object]:
     """Return the summary of a campaign as JSON fields."""
-    result, trials = launched.result, len(launched.campaign.trials)
     return {
-        "model": request.model,
+        "model": request.setup.model,
         "site": request.site,
         "seed": request.seed,
         "results": str(request.results.path),
-        "campaign": launched.campaign.id,
-        "trials": trials,
-        "done": trials - result.left - result.elsewhere,
+        "campaign": result.campaign_id,
+        "trials": result.trials,
+        "done": result.trials - result.left - result.elsewhere,
         "left": result.left,
         "elsewhere": result.elsewhere,
         "awaiting_judgement": result.awaiting,
@@ -103,9 +104,9 @@ def fields_of(launched: Launched, request: RunRequest) -> dict[str, object]:
     }
 
 
-def print_summary(console: Console, launched: Launched, request: RunRequest) -> None:
+def print_summary(console: Console, result: SessionResult, request: RunRequest) -> None:
     """Print what is done, what is left and the next command."""
-    result, trials = launched.result, len(launched.campaign.trials)
+    trials = result.trials
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
     if os.environ.get(TEMPORARY_RESULTS):  # a run of `--watch`, whose results are discarded at the next change

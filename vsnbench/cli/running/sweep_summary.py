@@ -12,7 +12,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput, throughput_of
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import schema_state
-from vsnbench.runner.operator.provider import TerminalOperatorProvider
+from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.sweep import Cost, Sweep, Swept, cost_of, plan_sweep, run_sweep, undone
 from vsnbench.runner.setup.sweep_timing import time_models, untimed_models
@@ -59,14 +59,14 @@ def run_planned(sweep: Sweep, request: RunRequest, *, live: bool = False) -> lis
     if cost.seconds > TIMING_THRESHOLD_S and not request.workers.cluster and (untimed := untimed_models(sweep, pace)):
         console.print(f"timing one trial of each model without episodes: {escape(', '.join(untimed))}; not recorded")
         with silence():
-            pace = time_models(sweep, pace, TerminalOperatorProvider(unattended=True))
+            pace = time_models(sweep, pace, OperatorProvider(unattended=True))
         cost = cost_of(sweep, pace)
     console.print(cost_line(cost))
-    console.print(f"[dim]--keep {request.files_to_keep}: {request.files_to_keep.description}[/dim]")
+    console.print(f"[dim]--keep {request.setup.keep}: {request.setup.keep.description}[/dim]")
     if note := request.results.new_record_note:
         console.print(f"[dim]{escape(note)}[/dim]")
     with RerunEpisodes(live=live) as viewer:
-        swept = list(run_sweep(sweep, TerminalOperatorProvider(), viewer))
+        swept = list(run_sweep(sweep, OperatorProvider(), viewer))
         viewer.linger()
     return swept
 
@@ -77,11 +77,11 @@ def sweep_console() -> Console:
 
 
 def _fields_of(campaign: Swept) -> dict[str, object]:
-    if campaign.launched:
-        return fields_of(campaign.launched, campaign.request)
     request = campaign.request
-    shared = {"model": request.model, "site": request.site, "seed": request.seed}
-    return shared | ({"skipped": True} if campaign.is_skipped else {"error": campaign.error})
+    if campaign.session is not None:
+        return fields_of(campaign.session, request)
+    shared = {"model": request.setup.model, "site": request.site, "seed": request.seed}
+    return shared | ({"skipped": True} if campaign.is_skipped else {"error": str(campaign.result)})
 
 
 def _throughput(results: ResultsDirectory) -> Throughput:
@@ -117,16 +117,17 @@ def _duration(seconds: float) -> str:
 def print_sweep_summary(console: Console, swept: list[Swept], results: ResultsDirectory) -> None:
     """Print what is done and what is left."""
     for campaign in swept:
-        reason = campaign.launched.result.stopped_because if campaign.launched else campaign.error
+        result = campaign.result
+        reason = "" if campaign.is_skipped else str(result) if isinstance(result, Exception) else result.stopped_because
         if reason:
             console.print(f"[red]{escape(campaign.request.label)}[/red]: {escape(reason)}")
     left, failed = undone(swept)
-    launched = [campaign.launched for campaign in swept if campaign.launched]
-    trials = sum(len(launch.campaign.trials) for launch in launched)
+    sessions = [campaign.session for campaign in swept if campaign.session is not None]
+    trials = sum(session.trials for session in sessions)
     if left or failed:
         failures = f", {counted(failed, 'campaign')} failed" if failed else ""
         console.print(f"[yellow]{left} of {trials:,} trials left{failures}[/yellow]: the same command resumes.")
     else:
         console.print(f"[green]all {trials:,} trials are done[/green]; results in {escape(str(results.path))}")
-    if awaiting := sum(launch.result.awaiting for launch in launched):
+    if awaiting := sum(session.awaiting for session in sessions):
         console.print(f"[cyan]{awaiting} trials to be judged[/cyan]: vsnbench judge --pending{escape(results.options)}")

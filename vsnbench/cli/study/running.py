@@ -1,6 +1,5 @@
 """Runs a study from the terminal and prints a summary: what is done, what is left and the next command."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 from rich.markup import escape
@@ -10,12 +9,15 @@ from vsnbench.cli.study.file import OpenedStudy
 from vsnbench.cli.support.output import is_quiet, print_json, without_prints_of_models
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.runner.loop.contract import SessionResult
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.study.arms import StudyPlace
 from vsnbench.runner.study.session import run_study
-from vsnbench.runner.study.source import StudyRequest, StudyResult
+from vsnbench.runner.study.source import StudyRequest
 from vsnbench.text.sanitize import counted
 from vsnbench.viewer.live import RerunEpisodes
+
+_FIELDS = ("episodes", "void", "left", "elsewhere", "awaiting", "suspended", "over", "stopped_because")
 
 
 def place_of(study: OpenedStudy) -> StudyPlace:
@@ -46,11 +48,11 @@ def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider
     if not (as_json and is_quiet()):
         _print_summary(file, request.results, result)
     if as_json:
-        print_json({"results": str(request.results.path), **asdict(result)})
+        print_json({"results": str(request.results.path), **{name: getattr(result, name) for name in _FIELDS}})
     return 1 if result.left or result.elsewhere else 0
 
 
-def _print_summary(file: Path, results: ResultsDirectory, result: StudyResult) -> None:
+def _print_summary(file: Path, results: ResultsDirectory, result: SessionResult) -> None:
     console = summary_console()
     if result.stopped_because:
         console.print(f"[yellow]stopped[/yellow]: {escape(result.stopped_because)}")

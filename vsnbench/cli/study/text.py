@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from vsnbench.errors import RecordError
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
+from vsnbench.report.table import Column, ReportTable, decimal, percent, row
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import LockedArm

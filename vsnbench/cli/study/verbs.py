@@ -203,7 +203,7 @@ def plan(
     from vsnbench.cli.study.text import duration_line, power_table
     from vsnbench.report.analysis.fields import finite
     from vsnbench.report.study.pilot import pilot_table
-    from vsnbench.report.tables.report_table import print_tables
+    from vsnbench.report.table import print_tables
     from vsnbench.runner.study.arms import StudyPlace
     from vsnbench.study.file import parse_study, read_text
 

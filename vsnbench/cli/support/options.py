@@ -18,10 +18,10 @@ from vsnbench.errors import UsageError
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
-    from vsnbench.config import Config
     from vsnbench.models.fit.camera import Fit
     from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
+    from vsnbench.settings.user_config import UserConfig
     from vsnbench.web.operator.page import OperatorPage
 
 
@@ -160,16 +160,19 @@ def operator_page(console: str | None) -> "OperatorPage | None":
     return OperatorPage(address, port, configured.certificate, configured.key)
 
 
-def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
-    """Return the value of `--keep`; None without the option.
+def what_to_keep(given: str, robot: str, *, live: bool = False, has_operator: bool = False) -> "KeepFiles":
+    """Return the value of `--keep`, or its default: copies for Rerun only where an operator is present.
+
+    An unattended simulation makes a copy when an episode is viewed.
 
     Raises:
         UsageError: the value is unknown, or does not go with `--live`.
     """
     from vsnbench.results.files.directory import KeepFiles
+    from vsnbench.robots.registry import is_simulated
 
     if not given:
-        return KeepFiles.ALL if live else None
+        return KeepFiles.ALL if live or has_operator or not is_simulated(robot) else KeepFiles.IMAGES
     if given not in list(KeepFiles):
         raise UsageError(f"--keep {given}: unknown value", advice=f"give {', '.join(KeepFiles)}", code="unknown-value")
     if live and given != KeepFiles.ALL:
@@ -177,20 +180,11 @@ def what_to_keep(given: str, *, live: bool) -> "KeepFiles | None":
     return KeepFiles(given)
 
 
-def fit_of(config: "Config") -> "Fit":
-    """Return how images are fitted to the camera that a model was trained with.
-
-    Raises:
-        UsageError: the value in the configuration is unknown.
-    """
+def fit_of(config: "UserConfig") -> "Fit":
+    """Return how images are fitted to the camera that a model was trained with."""
     from vsnbench.models.fit.camera import Fit
 
-    given = config.models.fit
-    if given not in list(Fit):
-        raise UsageError(
-            f"{config.file}: models.fit is {given!r}", advice=f"write {' or '.join(Fit)}", code="unknown-value"
-        )
-    return Fit(given)
+    return Fit(config.models.fit)
 
 
 def requested_workers(given: str) -> "WorkerOptions":
@@ -200,10 +194,11 @@ def requested_workers(given: str) -> "WorkerOptions":
         UsageError: it is none of them.
     """
     from vsnbench.runner.executors.capacity import WorkerOptions
+    from vsnbench.runner.executors.ray_connection import ClusterAddress
 
     if given.startswith("ray://"):
         cluster = load_config().cluster
-        return WorkerOptions(cluster.workers, given, cluster.gpus_per_worker)
+        return WorkerOptions(cluster.workers, ClusterAddress.parse(given), cluster.gpus_per_worker)
     if given == "auto":
         return WorkerOptions(None)
     if not given.isdecimal() or not 1 <= int(given) <= _MAX_WORKERS:

@@ -19,7 +19,7 @@ from vsnbench.text.sanitize import counted, sanitize
 from vsnbench.text.streams import stdout_as_stderr
 
 if TYPE_CHECKING:
-    from vsnbench.settings.yaml_file import SettingsFault
+    from vsnbench.settings.validation import SettingsFault
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result. Errors still go to stderr.")]

@@ -12,7 +12,6 @@ from typing import TextIO
 from sqlalchemy import Connection, func, select
 
 from vsnbench import __version__
-from vsnbench.config import BundleConfig
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.evidence.bundle.archive import FORMAT_FILE, MANIFEST, SIGNATURES, format_line, manifest_lines
 from vsnbench.evidence.bundle.croissant import CROISSANT, croissant
@@ -35,6 +34,7 @@ from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.study_tables import Study
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Verdict
+from vsnbench.settings.user_config import BundleConfig
 from vsnbench.study.lock import LockNote
 from vsnbench.text.sanitize import counted, sanitize
 

@@ -19,7 +19,7 @@ from vsnbench.models.registry import create_policy
 from vsnbench.protocol.disturbances import CURRENT_EDITION, EDITION
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.images import hash_images
-from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.results.writing.campaigns import model_sha256
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.steps import step_row
 from vsnbench.robots.simulated import SimulatedRobot
@@ -34,6 +34,7 @@ from vsnbench.simulator.dynamics.physics import simulator_version
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
+from vsnbench.values.model.card import copy_of
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.step import StepRecord
@@ -141,11 +142,8 @@ def _built_in(condition: RecordedCondition) -> Policy | None:
     if row.name not in _WITHOUT_WEIGHTS or row.name not in BUILT_IN or row.code or row.files or row.weights_sha256:
         return None
     policy = create_policy(row.name)
-    card, settings = policy.card, dict(policy.card.settings)
-    if card.action_kinds != frozenset({ActionKind.DISCRETE}):
-        settings["action_kinds"] = sorted(card.action_kinds)
-    identity = ModelIdentity(card.name, settings=settings, surveyed=policy.needs_survey)
-    return policy if identity.sha256 == row.model_sha256 else None
+    card = copy_of(policy.card, surveyed=policy.needs_survey).recorded({}, {})
+    return policy if model_sha256(card) == row.model_sha256 else None
 
 
 class _RecordedActions(Policy):

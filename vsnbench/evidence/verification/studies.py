@@ -15,7 +15,7 @@ from vsnbench.results.studies.queries import studies, trials_of
 from vsnbench.runner.study.integrity import check_integrity
 from vsnbench.study.file import StudyFile, parse_study
 from vsnbench.study.lock import LockNote
-from vsnbench.study.stopping import Decision, decide
+from vsnbench.study.stopping import StoppingDecision, decide
 from vsnbench.study.units import shared_blocks
 
 
@@ -49,7 +49,7 @@ def _stopping(
         return
     where, judged = f"study {recorded.id}", _first_judgements(record, trials)
     begun = sorted((trial for trial in trials if trial.started_at is not None), key=lambda trial: str(trial.started_at))
-    known, decision = -1, Decision((), {}, "")
+    known, decision = -1, StoppingDecision((), {}, "")
     for trial in begun:
         before = [at for at in judged.values() if trial.started_at is not None and at <= trial.started_at]
         if len(before) != known:
@@ -66,7 +66,7 @@ def _stopping(
 
 def _decision_at(
     plan: StudyFile, trials: Sequence[StudyTrialProgress], judged: dict[int, datetime], moment: datetime | None
-) -> Decision:
+) -> StoppingDecision:
     """Decide from the results that were judged at a moment; None for all."""
     known = [
         trial

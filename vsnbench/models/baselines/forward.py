@@ -1,7 +1,7 @@
 """The model `forward`: drives straight on until the way is blocked, then turns. The simplest baseline."""
 
 import math
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,13 +23,11 @@ class ForwardUntilBlocked(Policy):
     It never chooses STOP. It shows how far a robot gets without searching.
     """
 
-    default_card: ClassVar = ModelCard("forward", goal_kinds=frozenset(GoalKind))
+    card = ModelCard("forward", goal_kinds=frozenset(GoalKind), sensors=frozenset({Sensor.DEPTH, Sensor.ODOMETRY}))
 
     def __init__(self, look_ahead_m: float = 0.55, half_width_m: float = 0.25) -> None:
         """Set the size of the box ahead of the camera that must be free, in metres."""
-        settings = {"look_ahead_m": look_ahead_m, "half_width_m": half_width_m}
-        sensors = frozenset({Sensor.DEPTH, Sensor.ODOMETRY})
-        self.card = ModelCard(name="forward", goal_kinds=frozenset(GoalKind), sensors=sensors, settings=settings)
+        self.card = replace(self.card, settings={"look_ahead_m": look_ahead_m, "half_width_m": half_width_m})
         self._look_ahead_m = look_ahead_m
         self._half_width_m = half_width_m
         self.reset("", 0)

@@ -6,21 +6,21 @@ is learned apart from the detector.
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.models.contract import ModelCard
 from vsnbench.models.vlv.detectors.contract import Reliability
 from vsnbench.models.vlv.map_regions import frontier_away_from
-from vsnbench.models.vlv.move import Mode, SearchStep
 from vsnbench.models.vlv.planner import Planner, Point
-from vsnbench.models.vlv.policy import ModularPolicy
-from vsnbench.models.vlv.search import Search
+from vsnbench.models.vlv.policy import MODULAR_CARD, ModularPolicy
+from vsnbench.models.vlv.search import Search, explained
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.models.vlv.value.estimate import NoValue
+from vsnbench.values.decision import Decision
 from vsnbench.values.observation import Observation
 
 _COUNT_WITHIN_M: Final = 1.5
@@ -34,8 +34,7 @@ _SAME_FRONTIER_M: Final = 0.3
 class Frontier(ModularPolicy):
     """The number that a learned model should beat."""
 
-    name: ClassVar = "frontier"
-    default_card: ClassVar = ModelCard("frontier", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg)
+    card = replace(MODULAR_CARD, name="frontier")
 
     def __init__(self, model_config: str | Path | VLVSettings | None = None, device: str = "auto") -> None:
         """Open the detector that the settings choose.
@@ -58,7 +57,7 @@ class FrontierSearch(Search):
         self._tries: Counter[tuple[int, int]] = Counter()
         self._given_up: list[Point] = []
 
-    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         """Drive to the nearest frontier; look around if none can be reached."""
         if self._turns_left is None and self._scans == 0:
             return self._begin_scan()
@@ -67,14 +66,14 @@ class FrontierSearch(Search):
         self._turns_left = None
         avoided = [*self.graph.visited, *self._given_up]
         frontier = frontier_away_from(self.map, avoided, self.settings.visited_radius_m, _SMALLEST_CELLS)
-        move = self._towards(frontier, observation, depth_m, Mode.TRAVEL)
-        if move is None or not move.path:
+        move = self._towards(frontier, observation, depth_m, "travel")
+        if move is None or not move.diagnostics.path:
             self._given_up.clear()
             return self._begin_scan()
-        end = move.path[-1]
+        end = move.diagnostics.path[-1]
         if math.dist(end, observation.pose.position) < _COUNT_WITHIN_M:
             key = (round(end[0] / _SAME_FRONTIER_M), round(end[1] / _SAME_FRONTIER_M))
             self._tries[key] += 1
             if self._tries[key] >= _MAX_TRIES:
                 self._given_up.append(end)
-        return SearchStep(move.action, Mode.TRAVEL, "to the nearest frontier", end, move.path)
+        return explained(move.action, "travel", "to the nearest frontier", end, move.diagnostics.path)

@@ -5,8 +5,8 @@ The only built-in model that receives the site: an upper bound, and a check that
 
 import itertools
 import math
-from dataclasses import asdict, dataclass
-from typing import ClassVar
+from dataclasses import replace
+from typing import Final
 
 from vsnbench.errors import ModelError
 from vsnbench.models.baselines.goal_views import ViewCriteria, ViewPoints, target_poses, view_points
@@ -19,7 +19,6 @@ from vsnbench.sites.targets import definition_sha256
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
@@ -32,35 +31,23 @@ _STALE_HEADING_RAD = math.radians(3.0)
 """A heading farther than this from the planner's headings needs a new planner."""
 
 
-@dataclass(frozen=True, slots=True)
-class OracleSettings:
-    """Where the oracle stops, and how it faces the goal there."""
-
-    stop_within_m: float = 0.80
-    """Distance to the goal's footprint at which it stops; less than the protocol's success distance."""
-    half_view_deg: float = 25.0
-
-
-_DEFAULTS = OracleSettings()
+STOP_WITHIN_M: Final = 0.80
+"""Distance to the goal's footprint at which it stops; less than the protocol's success distance."""
+HALF_VIEW_DEG: Final = 25.0
+"""Largest angle between its heading and the goal there."""
 
 
 class Oracle(Policy):
     """Plans over positions and headings, and plans again when odometry contradicts the plan."""
 
     needs_survey = True
-    name = "oracle"
-    action_kinds = frozenset({ActionKind.DISCRETE})
-    default_card: ClassVar = ModelCard("oracle", goal_kinds=frozenset(GoalKind))
+    card = ModelCard("oracle", goal_kinds=frozenset(GoalKind), sensors=frozenset({Sensor.ODOMETRY}))
 
-    def __init__(self, stop_within_m: float = _DEFAULTS.stop_within_m) -> None:
+    def __init__(self, stop_within_m: float = STOP_WITHIN_M) -> None:
         """Set the distance to the goal's footprint at which to stop, in metres."""
-        self._settings = OracleSettings(stop_within_m=stop_within_m)
-        self.card = ModelCard(
-            name=self.name,
-            goal_kinds=frozenset(GoalKind),
-            sensors=frozenset({Sensor.ODOMETRY}),
-            action_kinds=self.action_kinds,
-            settings={**asdict(self._settings), "sees_site": True},
+        self._stop_within_m = stop_within_m
+        self.card = replace(
+            self.card, settings={"stop_within_m": stop_within_m, "half_view_deg": HALF_VIEW_DEG, "sees_site": True}
         )
         self._space: FreeSpace | None = None
         self._start = Pose(0.0, 0.0)
@@ -135,8 +122,8 @@ class Oracle(Policy):
         """Plan with the largest clearance and the best view first, then with less."""
         parameters, guard = self._parameters, self._parameters.depth_guard
         turn_rad = math.radians(parameters.turn_deg)
-        near_m = min(self._settings.stop_within_m, 0.8 * parameters.success_distance_m)
-        half_view_rad, farther_m = math.radians(self._settings.half_view_deg), 0.9 * parameters.success_distance_m
+        near_m = min(self._stop_within_m, 0.8 * parameters.success_distance_m)
+        half_view_rad, farther_m = math.radians(HALF_VIEW_DEG), 0.9 * parameters.success_distance_m
         preferences = (
             (0.06, half_view_rad, ViewCriteria(near_m, eye_height_m)),
             (0.02, half_view_rad, ViewCriteria(near_m, eye_height_m)),

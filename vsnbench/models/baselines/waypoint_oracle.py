@@ -1,7 +1,6 @@
 """The oracle by waypoints: the plan of the oracle, with each turn and the way straight on after it as one waypoint."""
 
 from dataclasses import replace
-from typing import ClassVar
 
 from vsnbench.models.baselines.oracle import Oracle
 from vsnbench.values.action import Action
@@ -13,9 +12,9 @@ from vsnbench.values.observation import Observation
 class WaypointOracle(Oracle):
     """Upper bound for models that answer with waypoints."""
 
-    name = "oracle-waypoints"
-    action_kinds = frozenset({ActionKind.DISCRETE, ActionKind.WAYPOINT})
-    default_card: ClassVar = replace(Oracle.default_card, name="oracle-waypoints", action_kinds=action_kinds)
+    card = replace(
+        Oracle.card, name="oracle-waypoints", action_kinds=frozenset({ActionKind.DISCRETE, ActionKind.WAYPOINT})
+    )
 
     def act(self, observation: Observation) -> Decision:
         """Return the next waypoint of the plan; see `Oracle.act`."""

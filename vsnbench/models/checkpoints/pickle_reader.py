@@ -100,8 +100,8 @@ class _Storage:
     numbers: npt.NDArray[Any]
 
 
-class _Mark:
-    """The marker to which some instructions collect."""
+_MARK: Final = object()
+"""The marker to which some instructions collect."""
 
 
 def read_pickle(
@@ -165,7 +165,7 @@ class _Machine:
         elif name in _CONTAINERS:
             self.stack.append(_CONTAINERS[name]())
         elif name == "MARK":
-            self.stack.append(_Mark())
+            self.stack.append(_MARK)
         elif name == "TUPLE":
             self.stack.append(_tuple(tuple(self._to_mark())))
         elif name in _SHORT_TUPLES:
@@ -202,13 +202,13 @@ class _Machine:
 
     def _pop(self) -> Any:
         value = self.stack.pop()
-        if isinstance(value, _Mark):
+        if value is _MARK:
             raise TypeError("a marker instead of a value")
         return value
 
     def _to_mark(self) -> list[Any]:
         collected: list[Any] = []
-        while not isinstance(self.stack[-1], _Mark):
+        while self.stack[-1] is not _MARK:
             collected.append(self.stack.pop())
         self.stack.pop()
         return collected[::-1]

@@ -23,8 +23,8 @@ from vsnbench.models.pirlnav.engine import (
     GPU_TOLERANCE,
     HALF_TOLERANCE,
     SINGLE_TOLERANCE,
-    Agreement,
     Engine,
+    EngineParity,
     compare,
     synthetic_steps,
 )
@@ -49,7 +49,7 @@ class ChosenEngine:
     precision: Precision
     """`single` or `half`."""
     threads: int
-    agreement: Agreement | None
+    agreement: EngineParity | None
     """None for the reference itself, and without PyTorch."""
     refused: str = ""
     """Reason why a faster engine is not used."""
@@ -66,13 +66,13 @@ def choose_engine(checkpoint: Checkpoint, settings: PIRLNavSettings, device: str
         UsageError: the device is unknown, or the settings contradict each other.
         ModelError: the machine lacks the device, or the runtime in the settings.
     """
-    if settings.runtime is Runtime.TORCH:
+    if settings.runtime == "torch":
         require_torch()
     best = available_device(device)
-    half = settings.precision is Precision.HALF
+    half = settings.precision == "half"
     if half and best != "cuda":
         raise UsageError(f"precision: half needs a CUDA device, not {best}")
-    exported = settings.runtime is Runtime.ONNXRUNTIME
+    exported = settings.runtime == "onnxruntime"
     if exported and (half or device not in ("auto", "cpu")):
         raise UsageError("runtime: onnxruntime runs on the CPU only", advice=f"use --device cpu, not {best}")
     threads = limit_threads(settings.threads)
@@ -88,7 +88,7 @@ def _on_the_faster(gpu: str, checkpoint: Checkpoint, settings: PIRLNavSettings, 
     import torch
 
     name = torch.cuda.get_device_name() if gpu == "cuda" else ""
-    key = key_of(checkpoint.sha256, _processor(), threads, settings.runtime.value, torch.__version__, gpu, name)
+    key = key_of(checkpoint.sha256, _processor(), threads, settings.runtime, torch.__version__, gpu, name)
     place = ("devices", key, np.float64, (2,))
     if found_array(*place) is None:
         engines = (_on_cpu(checkpoint, settings, threads).engine, _on_gpu(gpu, checkpoint, threads, half=False).engine)
@@ -105,18 +105,16 @@ def _on_gpu(gpu: str, checkpoint: Checkpoint, threads: int, *, half: bool) -> Ch
     candidate = reference_engine(checkpoint, gpu, half=half)
     agreement = compare(reference, candidate, checkpoint.architecture, HALF_TOLERANCE if half else GPU_TOLERANCE)
     if agreement.holds:
-        precision = Precision.HALF if half else Precision.SINGLE
-        return ChosenEngine(candidate, Runtime.TORCH, gpu, precision, threads, agreement)
+        precision: Precision = "half" if half else "single"
+        return ChosenEngine(candidate, "torch", gpu, precision, threads, agreement)
     return _reference_only(reference, threads, _disagreement(candidate, agreement))
 
 
 def _on_cpu(checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> ChosenEngine:
     if not torch_is_installed():
-        return ChosenEngine(
-            OnnxEngine(checkpoint, threads), Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, threads, None
-        )
+        return ChosenEngine(OnnxEngine(checkpoint, threads), "onnxruntime", "cpu", "single", threads, None)
     reference = reference_engine(checkpoint)
-    if settings.runtime is Runtime.TORCH:
+    if settings.runtime == "torch":
         return _reference_only(reference, threads)
     try:
         candidate = OnnxEngine(checkpoint, threads)
@@ -125,10 +123,10 @@ def _on_cpu(checkpoint: Checkpoint, settings: PIRLNavSettings, threads: int) -> 
     agreement = compare(reference, candidate, checkpoint.architecture, SINGLE_TOLERANCE)
     if not agreement.holds:
         return _reference_only(reference, threads, _disagreement(candidate, agreement))
-    if settings.runtime is Runtime.AUTO and _is_slower(candidate, reference, checkpoint, threads):
+    if settings.runtime == "auto" and _is_slower(candidate, reference, checkpoint, threads):
         logger.info("PyTorch is faster on this machine, so onnxruntime is not used")
         return _reference_only(reference, threads)
-    return ChosenEngine(candidate, Runtime.ONNXRUNTIME, "cpu", Precision.SINGLE, threads, agreement)
+    return ChosenEngine(candidate, "onnxruntime", "cpu", "single", threads, agreement)
 
 
 def reference_engine(checkpoint: Checkpoint, device: str = "cpu", *, half: bool = False) -> Engine:
@@ -176,10 +174,10 @@ def _processor() -> str:
 def _reference_only(reference: Engine, threads: int, refused: str = "") -> ChosenEngine:
     if refused:
         logger.warning("%s; running in PyTorch on the CPU, which is slower", refused)
-    return ChosenEngine(reference, Runtime.TORCH, "cpu", Precision.SINGLE, threads, None, refused)
+    return ChosenEngine(reference, "torch", "cpu", "single", threads, None, refused)
 
 
-def _disagreement(candidate: Engine, agreement: Agreement) -> str:
+def _disagreement(candidate: Engine, agreement: EngineParity) -> str:
     return (
         f"{candidate.label} disagrees with PyTorch on the CPU (logits off by {agreement.largest_difference:.2g}, "
         f"allowed {agreement.tolerance:.2g}; {agreement.different_actions} of {agreement.steps} actions differ)"

@@ -72,7 +72,7 @@ class Engine(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class Agreement:
+class EngineParity:
     """Difference between an engine and the reference."""
 
     steps: int
@@ -88,7 +88,7 @@ class Agreement:
         return self.largest_difference <= self.tolerance and self.different_actions == 0
 
 
-def compare(reference: Engine, candidate: Engine, architecture: Architecture, tolerance: float) -> Agreement:
+def compare(reference: Engine, candidate: Engine, architecture: Architecture, tolerance: float) -> EngineParity:
     """Run both engines over the same two short synthetic episodes.
 
     The tolerance is the allowed difference of logits, relative to the largest logit if that is over 1.
@@ -106,7 +106,7 @@ def compare(reference: Engine, candidate: Engine, architecture: Architecture, to
         answers.append((expected, int(got.argmax())))
     for expected, action in answers:
         different += bool(expected.max() - expected[action] > tolerance * scale)
-    return Agreement(len(steps), largest, tolerance * scale, different)
+    return EngineParity(len(steps), largest, tolerance * scale, different)
 
 
 def synthetic_steps(architecture: Architecture) -> list[StepInput]:

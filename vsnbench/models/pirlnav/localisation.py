@@ -5,22 +5,10 @@ the episode. Only this module inverts the sign of y.
 """
 
 import math
-from dataclasses import dataclass
 
-from vsnbench.models.pirlnav.settings import CompassSource, PIRLNavSettings
+from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose, wrap_angle
-
-
-@dataclass(frozen=True, slots=True)
-class Location:
-    """A reading of both sensors.
-
-    With `as_published` the second number is metres LEFT, and the origin is not the start of the episode.
-    """
-
-    gps_m: tuple[float, float]
-    compass_rad: float
 
 
 class Localiser:
@@ -43,16 +31,19 @@ class Localiser:
         self._last = Pose(0.0, 0.0)
         self._turned_deg = 0.0
 
-    def read(self, pose: Pose) -> Location:
-        """Return the readings at a pose relative to the start of the episode."""
+    def read(self, pose: Pose) -> tuple[tuple[float, float], float]:
+        """Return GPS and compass at a pose relative to the start of the episode.
+
+        With `as_published` the second number of the GPS is metres LEFT, and its origin is not the start of the episode.
+        """
         self._last = pose
         if self._settings.as_published:
             pose = self._origin.compose(pose)
             gps = (pose.x_m, pose.y_m)
         else:
             gps = (pose.x_m, 0.0 - pose.y_m)  # unary minus would give -0.0 for 0.0
-        by_turns = self._settings.compass is CompassSource.TURNS
-        return Location(gps, wrap_angle(math.radians(self._turned_deg) if by_turns else pose.heading_rad))
+        by_turns = self._settings.compass == "turns"
+        return gps, wrap_angle(math.radians(self._turned_deg) if by_turns else pose.heading_rad)
 
     def moved(self, action: Action) -> None:
         """Count a turning movement."""

@@ -5,7 +5,7 @@ Module names follow the authors' checkpoints, so that a state dict without its p
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -15,17 +15,6 @@ from vsnbench.models.checkpoints.residual_network import Bottleneck, ResidualNet
 from vsnbench.models.pirlnav.architecture import COMPASS_SIZE, EMBEDDING_SIZE, GPS_SIZE, Architecture
 from vsnbench.models.pirlnav.onnx_graph import VARIANCE_FLOOR, Weights
 from vsnbench.models.pirlnav.weight_shapes import BLOCKS
-
-
-class NetworkOutput(NamedTuple):
-    """Output of one step."""
-
-    logits: Tensor
-    """(1, actions)."""
-    value: Tensor
-    """(1, 1); NaN without a critic."""
-    hidden: Tensor
-    """(layers, 1, hidden): the state after the step."""
 
 
 class RunningMeanAndVar(nn.Module):
@@ -116,7 +105,7 @@ class PIRLNavNetwork(nn.Module):
 
     def forward(
         self, image: Tensor, gps: Tensor, compass: Tensor, goal: Tensor, previous: Tensor, mask: Tensor, hidden: Tensor
-    ) -> NetworkOutput:
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Run one step.
 
         Args:
@@ -127,6 +116,9 @@ class PIRLNavNetwork(nn.Module):
             previous: (1,) int64: 1 + the previous action, 0 at the start of an episode.
             mask: (1, 1) float32: 0 at the start of an episode, else 1.
             hidden: (layers, 1, hidden) float32.
+
+        Returns:
+            (1, actions) logits; (1, 1) value, NaN without a critic; (layers, 1, hidden) state after the step.
         """
         net = self.net
         visual = net.visual_fc(net.visual_encoder(image)).to(hidden.dtype)
@@ -145,7 +137,7 @@ class PIRLNavNetwork(nn.Module):
         features = features[0]
         logits = self.action_distribution(features)
         value = self.critic(features) if self.critic is not None else torch.full_like(mask, torch.nan)
-        return NetworkOutput(logits, value, after)
+        return logits, value, after
 
 
 class _Undrawn(TorchFunctionMode):

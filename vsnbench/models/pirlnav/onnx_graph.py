@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from vsnbench.models.checkpoints.onnx_file import FLOAT, INT64, OnnxGraph
 from vsnbench.models.pirlnav.architecture import Architecture
-from vsnbench.models.pirlnav.weight_shapes import BACKBONE, ENCODER, GRU, Block, residual_blocks
+from vsnbench.models.pirlnav.weight_shapes import BACKBONE, ENCODER, GRU, ResidualBlock, residual_blocks
 
 Weights = Mapping[str, npt.NDArray[np.float32]]
 VARIANCE_FLOOR: Final = 1e-2
@@ -69,7 +69,7 @@ class _Graph(OnnxGraph):
         self.add("Flatten", ["compressed"], "flat", axis=1)
         self.add("Relu", [self._linear("flat", "net.visual_fc.1", "visual before activation")], "visual")
 
-    def _block(self, name: str, block: Block, groups: int) -> str:
+    def _block(self, name: str, block: ResidualBlock, groups: int) -> str:
         same = name
         if block.resized:
             same = self._convolution(

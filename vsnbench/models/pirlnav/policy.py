@@ -21,11 +21,11 @@ from vsnbench.models.pirlnav.checkpoint import Checkpoint, read_checkpoint
 from vsnbench.models.pirlnav.engine import StepInput, StepOutput
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
-from vsnbench.models.pirlnav.settings import Choice, PIRLNavSettings, Runtime
-from vsnbench.models.trained_camera import TrainedCamera
+from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.observation import Observation, Sensor
 
 logger = logging.getLogger(__name__)
@@ -34,23 +34,18 @@ GOALS: Final = MappingProxyType({"chair": 0, "bed": 1, "plant": 2, "toilet": 3, 
 """The paper's goal -> HM3D's number; its monitor is HM3D's tv_monitor."""
 
 
-@dataclass(frozen=True, slots=True)
-class _NetworkAction:
-    name: str
-    executed: Action
-
-
-ACTIONS: Final = (
-    _NetworkAction("STOP", Action.STOP),
-    _NetworkAction("MOVE_FORWARD", Action.MOVE_FORWARD),
-    _NetworkAction("TURN_LEFT", Action.TURN_LEFT),
-    _NetworkAction("TURN_RIGHT", Action.TURN_RIGHT),
-    _NetworkAction("LOOK_UP", Action.MOVE_BACKWARD),
-    _NetworkAction("LOOK_DOWN", Action.MOVE_FORWARD),
+ACTIONS: Final = MappingProxyType(
+    {
+        "STOP": Action.STOP,
+        "MOVE_FORWARD": Action.MOVE_FORWARD,
+        "TURN_LEFT": Action.TURN_LEFT,
+        "TURN_RIGHT": Action.TURN_RIGHT,
+        "LOOK_UP": Action.MOVE_BACKWARD,
+        "LOOK_DOWN": Action.MOVE_FORWARD,
+    }
 )
-"""In the order of the network's logits; the camera of these robots cannot tilt (paper, Section 3.2.2)."""
-
-
+"""The network's action -> what the robot does, in the order of the logits; the camera of these robots cannot tilt
+(paper, Section 3.2.2)."""
 HABITAT_CAMERA = TrainedCamera(mount_height_m=0.88, tilt_deg=0, horizontal_fov_deg=79, width=640, height=480)
 """Of the published checkpoints: `configs/tasks/objectnav_hm3d.yaml` of github.com/Ram81/pirlnav."""
 DEMONSTRATION_CAMERA = TrainedCamera(
@@ -75,13 +70,16 @@ class _Episode:
 class PIRLNav(BatchPolicy):
     """The first model of the paper."""
 
-    known_goals: ClassVar = tuple(GOALS)
-    needed_sensors: ClassVar = (Sensor.RGB, Sensor.ODOMETRY)
-    default_card: ClassVar = ModelCard("pirlnav", forward_m=0.25, turn_deg=30.0, camera=HABITAT_CAMERA)
+    card = ModelCard(
+        "pirlnav",
+        goals=frozenset(GOALS),
+        sensors=frozenset({Sensor.RGB, Sensor.ODOMETRY}),
+        forward_m=0.25,
+        turn_deg=30.0,
+        camera=HABITAT_CAMERA,
+    )
     weights_file: ClassVar = "pirlnav.ckpt"
     settings_class: ClassVar = PIRLNavSettings
-
-    card: ModelCard
 
     def __init__(
         self,
@@ -106,30 +104,26 @@ class PIRLNav(BatchPolicy):
 
         settings = _settings_from(model_config)
         if runtime is not None:
-            settings = settings.model_copy(update={"runtime": Runtime(runtime)})
+            settings = PIRLNavSettings.model_validate({**settings.model_dump(), "runtime": runtime})
         checkpoint = _checkpoint_at(weights)
         self.chosen = choose_engine(checkpoint, settings, device)
         logger.info("PIRLNav runs on %s", self.chosen.engine.label)
-        self._sampled = settings.decision is Choice.SAMPLED or (
-            settings.decision is Choice.AUTO and (checkpoint.fine_tuned or checkpoint.demonstration)
+        self._sampled = settings.decision == "sampled" or (
+            settings.decision == "auto" and (checkpoint.fine_tuned or checkpoint.demonstration)
         )
         self._as_published = settings.as_published
         self._image_size_px = checkpoint.architecture.image_size_px
         self._localiser = Localiser(settings)
         self._settings = settings
-        self.card = ModelCard(
-            name="pirlnav",
-            goals=frozenset(self.known_goals),
-            sensors=frozenset(self.needed_sensors),
+        self.card = replace(
+            self.card,
             weights_sha256=checkpoint.sha256,
             weights_label=describe_weights(checkpoint),
             settings=self._record_of(settings, checkpoint),
-            forward_m=self.default_card.forward_m,
-            turn_deg=self.default_card.turn_deg,
             camera=trained_camera(checkpoint),
             runs_on={
                 "device": self.chosen.device,
-                "runtime": self.chosen.runtime.value,
+                "runtime": self.chosen.runtime,
                 "threads": self.chosen.threads,
             },
             stand_in=weights is None and checkpoint.path == embedded_weights(self.weights_file),
@@ -152,7 +146,7 @@ class PIRLNav(BatchPolicy):
 
         checkpoint = _checkpoint_at(weights)
         checked = check_checkpoint(checkpoint, _settings_from(model_config), device)
-        return replace(checked, card=replace(cls.default_card, camera=trained_camera(checkpoint)))
+        return replace(checked, card=replace(cls.card, camera=trained_camera(checkpoint)))
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode. With `as_published`, the odometry continues from the previous one.
@@ -205,17 +199,15 @@ class PIRLNav(BatchPolicy):
         image = preprocess(observation.rgb, self._image_size_px)
         if self._as_published:
             image = augment(image, episode.random)
-        location = episode.localiser.read(observation.pose)
-        return StepInput(
-            image, location.gps_m, location.compass_rad, episode.goal, episode.previous_action, episode.begins
-        )
+        gps_m, compass_rad = episode.localiser.read(observation.pose)
+        return StepInput(image, gps_m, compass_rad, episode.goal, episode.previous_action, episode.begins)
 
     def _decision(self, step: StepInput, episode: _Episode, output: StepOutput) -> Decision:
         probabilities = softmax(output.logits)
         index = self._choose(probabilities, episode.random)
         episode.previous_action, episode.begins = index, False
-        chosen = ACTIONS[index]
-        episode.localiser.moved(chosen.executed)
+        name, action = list(ACTIONS.items())[index]
+        episode.localiser.moved(action)
         scalars = {
             "gps_forward_m": step.gps_m[0],
             "gps_left_m" if self._as_published else "gps_right_m": step.gps_m[1],
@@ -224,10 +216,10 @@ class PIRLNav(BatchPolicy):
         if math.isfinite(output.value):
             scalars["value"] = output.value
         return Decision(
-            action=chosen.executed,
-            raw_action=chosen.name,
+            action=action,
+            raw_action=name,
             diagnostics=Diagnostics(
-                probabilities={action.name: float(p) for action, p in zip(ACTIONS, probabilities, strict=True)},
+                probabilities={name: float(p) for name, p in zip(ACTIONS, probabilities, strict=True)},
                 scalars=scalars,
                 details={"logits": [float(logit) for logit in output.logits]},
             ),
@@ -242,8 +234,8 @@ class PIRLNav(BatchPolicy):
     def _record_of(self, settings: PIRLNavSettings, checkpoint: Checkpoint) -> dict[str, Any]:
         """Return the settings that results depend on, with every `auto` resolved."""
         return settings.model_dump(mode="json", exclude={"runtime", "threads"}) | {
-            "decision": (Choice.SAMPLED if self._sampled else Choice.GREEDY).value,
-            "precision": self.chosen.precision.value,
+            "decision": "sampled" if self._sampled else "greedy",
+            "precision": self.chosen.precision,
             "architecture": checkpoint.architecture.summary,
             "training_steps": checkpoint.training_step,
         }

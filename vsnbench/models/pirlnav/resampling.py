@@ -4,7 +4,6 @@ Bilinear, no antialiasing. Every rounding follows the one on which the original'
 multiplies and adds in one step: a level more or less at some pixels, as other resizers have it, shows in the logits.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -22,34 +21,13 @@ def crop_of_resized(rgb: npt.NDArray[np.uint8], size_px: int) -> npt.NDArray[np.
     shorter = min(height, width)
     rows, columns = _samples(height, shorter, size_px), _samples(width, shorter, size_px)
     out = np.empty((size_px, size_px, 3), np.uint8)
-    _sample(
-        rgb,
-        rows.before,
-        rows.after,
-        rows.before_weight,
-        rows.after_weight,
-        columns.before,
-        columns.after,
-        columns.before_weight,
-        columns.after_weight,
-        out,
-    )
+    _sample(rgb, *rows, *columns, out)
     return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Samples:
-    """The two neighbours of every pixel along one axis of the crop, with their weights."""
-
-    before: Indices
-    after: Indices
-    before_weight: Floats
-    after_weight: Floats
-
-
 @lru_cache(maxsize=16)
-def _samples(side: int, shorter: int, size_px: int) -> _Samples:
-    """Return the positions of the crop's pixels along an axis of `side` pixels."""
+def _samples(side: int, shorter: int, size_px: int) -> tuple[Indices, Indices, Floats, Floats]:
+    """Return the two neighbours of every pixel of the crop along an axis of `side` pixels, and their weights."""
     resized = size_px * side // shorter
     first = round((resized - size_px) / 2)
     scale = np.float64(np.float32(side) / np.float32(resized))
@@ -58,7 +36,7 @@ def _samples(side: int, shorter: int, size_px: int) -> _Samples:
     before = place.astype(np.int64)
     after_weight = place - before.astype(np.float32)
     after = np.minimum(before + 1, side - 1)
-    return _Samples(before, after, np.float32(1) - after_weight, after_weight)
+    return before, after, np.float32(1) - after_weight, after_weight
 
 
 @compiled

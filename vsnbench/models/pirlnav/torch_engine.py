@@ -41,7 +41,7 @@ class TorchEngine(Engine):
     @torch.inference_mode()
     def _run(self, steps: Sequence[StepInput], memory: torch.Tensor) -> list[tuple[StepOutput, Any]]:
         device = self._device
-        output = self._network(
+        logits, value, hidden = self._network(
             torch.from_numpy(np.stack([step.image for step in steps])).to(device),
             torch.tensor([step.gps_m for step in steps], dtype=torch.float32, device=device),
             torch.tensor([[step.compass_rad] for step in steps], dtype=torch.float32, device=device),
@@ -50,8 +50,8 @@ class TorchEngine(Engine):
             torch.tensor([[0.0 if step.begins else 1.0] for step in steps], device=device),
             memory,
         )
-        answers = torch.cat([output.logits, output.value], dim=1).cpu().numpy()
-        memories = output.hidden.split(1, dim=1)
+        answers = torch.cat([logits, value], dim=1).cpu().numpy()
+        memories = hidden.split(1, dim=1)
         return [
             (StepOutput(answer[:-1].astype(np.float32), float(answer[-1])), after)
             for answer, after in zip(answers, memories, strict=True)

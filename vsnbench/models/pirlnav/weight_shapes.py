@@ -16,7 +16,7 @@ GRU: Final = "net.state_encoder.rnn"
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ResidualBlock:
     """Residual block of three convolutions; the second carries the stride."""
 
     name: str
@@ -36,13 +36,13 @@ class Block:
         return self.stride != 1 or self.channels != self.wide
 
 
-def residual_blocks(architecture: Architecture) -> Iterator[Block]:
+def residual_blocks(architecture: Architecture) -> Iterator[ResidualBlock]:
     """Yield the blocks of the backbone in their order."""
     channels = architecture.base_planes
     for level, blocks in enumerate(BLOCKS):
         for number in range(blocks):
             stride = 2 if level > 0 and number == 0 else 1
-            block = Block(
+            block = ResidualBlock(
                 f"{BACKBONE}.layer{level + 1}.{number}", channels, architecture.base_planes * 2**level, stride
             )
             yield block

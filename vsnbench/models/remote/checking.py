@@ -60,7 +60,7 @@ def check_server(
             {
                 "goals": lambda: goals(policy, tasks),
                 "reset twice": lambda: reset_twice(policy, task),
-                "same seed, same actions": lambda: repeats(policy, task, deterministic=policy.deterministic),
+                "same seed, same actions": lambda: repeats(policy, task, deterministic=policy.card.deterministic),
                 "unknown goal": lambda: unknown_goal(policy, task),
                 "other image sizes": lambda: sizes(policy, task),
                 "unknown request": lambda: _unknown_question(policy, task),
@@ -107,7 +107,7 @@ def _sessions(policy: RemotePolicy, url: str, model_config: Path | None, task: T
     finally:
         other.close()
     number = first_difference(alone, together)
-    if number and policy.deterministic:
+    if number and policy.card.deterministic:
         raise ModelError(
             f"action {number} differs when another client runs an episode at the same time",
             advice="keep everything about an episode in its state, or serve the model with --sessions 1",

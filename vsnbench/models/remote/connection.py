@@ -93,7 +93,7 @@ class Address:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ServerAnswer:
     """The answer to a request, with its duration and size."""
 
     message: Mapping[str, Any]
@@ -137,7 +137,7 @@ class Connection:
             raise
         _check_greeting(self.greeting, address)
 
-    def ask(self, request: Mapping[str, Any], timeout_s: float) -> Answer:
+    def ask(self, request: Mapping[str, Any], timeout_s: float) -> ServerAnswer:
         """Send a request and return its answer. Answers to older requests are dropped.
 
         The connection is closed after every error.
@@ -159,7 +159,7 @@ class Connection:
                     received = self._socket.recv(timeout=max(0.0, start_s + timeout_s - time.perf_counter()))
                     message = self._received(received)
                     if self._answered(message) == self._number:
-                        return Answer(message, time.perf_counter() - start_s, len(content), len(received))
+                        return ServerAnswer(message, time.perf_counter() - start_s, len(content), len(received))
                 raise self._flood()
         except TimeoutError as error:
             self.close()

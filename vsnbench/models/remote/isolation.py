@@ -28,7 +28,7 @@ from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
-from vsnbench.models.remote.connection import Answer, Connection, ModelBusyError
+from vsnbench.models.remote.connection import Connection, ModelBusyError, ServerAnswer
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
 from vsnbench.runtime.hide_files import can_hide_files, command_without
@@ -231,7 +231,7 @@ class IsolatedPolicy(RemotePolicy):
     def __init__(self, model: str, options: Mapping[str, Any], isolation: Isolation) -> None:
         """Start the process and connect.
 
-        Options are the arguments of the model's constructor, and `act_timeout` for the connection.
+        Options are the arguments of the model's constructor.
 
         Raises:
             UsageError: the interpreter does not exist, or there are options for another interpreter.
@@ -239,13 +239,10 @@ class IsolatedPolicy(RemotePolicy):
         """
         if is_address(model):
             raise UsageError(f"model {model} already runs in another process", advice="leave --isolate out")
-        own = {name: value for name, value in options.items() if name != "act_timeout"}
-        self._start = partial(IsolatedProcess.start, model, own, isolation)
+        self._start = partial(IsolatedProcess.start, model, options, isolation)
         self._process = self._start()
         try:
-            super().__init__(
-                model, act_timeout=options.get("act_timeout"), token="", unix_path=self._process.socket_file
-            )
+            super().__init__(model, token="", unix_path=self._process.socket_file)
         except BaseException:
             self._process.close()
             raise
@@ -293,7 +290,7 @@ class IsolatedPolicy(RemotePolicy):
         except (ModelError, UsageError) as error:
             raise ModelLostError(error.statement, advice=error.advice, code=error.code) from error
 
-    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> ServerAnswer:
         try:
             return super()._ask(connection, request, expected, timeout_s)
         except ModelLostError as error:

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.remote.card import card_of, difference
-from vsnbench.models.remote.connection import Address, Answer, Connection, ModelBusyError
+from vsnbench.models.remote.card import card_of
+from vsnbench.models.remote.connection import Address, Connection, ModelBusyError, ServerAnswer
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
@@ -71,7 +71,7 @@ class RemotePolicy(Policy):
         Args:
             url: `ws://host:port` or `wss://host:port`.
             model_config: YAML file of `RemoteSettings`.
-            act_timeout: seconds; replaces the settings' `act_timeout_s`.
+            act_timeout: seconds for an action, as `limit_actions`.
             token: the server's token; None for $VSNBENCH_TOKEN.
             unix_path: local socket file to use instead of the address.
 
@@ -80,12 +80,11 @@ class RemotePolicy(Policy):
             ModelError: the server is not that of a model, or refuses.
             ModelLostError: no server answers.
         """
-        given = RemoteSettings()
+        self.settings = RemoteSettings()
         if model_config is not None:
-            given = read_settings(model_config, RemoteSettings, ModelError, "model settings")
+            self.settings = read_settings(model_config, RemoteSettings, ModelError, "model settings")
         if act_timeout is not None:
-            given = RemoteSettings.model_validate({**given.model_dump(), "act_timeout_s": act_timeout})
-        self.settings = given
+            self.limit_actions(act_timeout)
         self._token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         self._address = Address(url, unix_path) if unix_path else Address.parse(url, self._token)
         self._acted_on: Connection | None = None
@@ -96,8 +95,10 @@ class RemotePolicy(Policy):
         except ModelError:
             self.close()
             raise
-        self.deterministic = self._connection.greeting.get("card", {}).get("deterministic", True) is not False
-        """Whether the same seed and observations give the same actions, according to the card."""
+
+    def limit_actions(self, act_timeout_s: float) -> None:
+        """Replace the settings' time limit for an action, in seconds."""
+        self.settings = RemoteSettings.model_validate({**self.settings.model_dump(), "act_timeout_s": act_timeout_s})
 
     def connect(self) -> Connection:
         """Return a new connection to the server.
@@ -199,7 +200,7 @@ class RemotePolicy(Policy):
         return self._connection
 
     def _check_same_model(self, card: ModelCard) -> None:
-        if different := difference(self.card, card):
+        if different := self.card.difference(card):
             raise ModelLostError(
                 f"the model at {self._address} has changed ({different}), which this campaign does not allow",
                 advice="start the same command again to run the new model",
@@ -209,7 +210,7 @@ class RemotePolicy(Policy):
             platform = ", ".join(f"{name} {value}" for name, value in card.runs_on.items())
             logger.warning("the model at %s now runs on another platform: %s", self._address, platform)
 
-    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> Answer:
+    def _ask(self, connection: Connection, request: Mapping[str, Any], expected: str, timeout_s: float) -> ServerAnswer:
         try:
             answer = connection.ask(request, timeout_s)
         except BaseException:
@@ -246,7 +247,7 @@ class RemotePolicy(Policy):
             raise ModelError(f"the model at {self._address}: {error}", code="invalid-card") from error
 
 
-def _decision(answer: Answer, act_timeout_s: float) -> Decision:
+def _decision(answer: ServerAnswer, act_timeout_s: float) -> Decision:
     """Return the decision of an answer, with the duration and size of the transfer among its details."""
     message = answer.message
     decision = decision_from_message(message)

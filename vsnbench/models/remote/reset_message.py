@@ -2,10 +2,15 @@
 
 import hashlib
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 from vsnbench.models.task import Task
 from vsnbench.values.goal import Goal
+
+PROTOCOL_FIELDS: Final = (
+    *("name", "forward_m", "turn_deg", "success_distance_m", "max_actions", "max_time_s", "max_path_m"),
+)
+"""Parameters of the protocol that a server receives."""
 
 
 def reset_message(goal: str, seed: int, task: Task | None) -> dict[str, Any]:
@@ -15,7 +20,8 @@ def reset_message(goal: str, seed: int, task: Task | None) -> dict[str, Any]:
     message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
     if task is not None:
         robot = {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")}
-        message["task"] = {"protocol": asdict(task.protocol), "robot": robot}
+        protocol = {name: getattr(task.protocol, name) for name in PROTOCOL_FIELDS}
+        message["task"] = {"protocol": protocol, "robot": robot}
     return message
 
 

@@ -11,7 +11,10 @@ from vsnbench.models.contract import BatchPolicy, Policy
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.process_exit import ProcessExitError, take_refused_exit
 from vsnbench.models.remote import vsnbench_policy as wire
-from vsnbench.models.task import ProtocolFacts, RobotFacts, Task
+from vsnbench.models.remote.card import card_to_wire
+from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS
+from vsnbench.models.task import RobotFacts, Task
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.encoding.codec import decision_to_message
@@ -44,7 +47,7 @@ class ServedPolicy:
             )
         self._policy = policy
         self._sensors = frozenset(card.sensors)
-        self.card = {item.name: getattr(card, item.name) for item in fields(card)} | {
+        self.card = card_to_wire(card) | {
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
         }
@@ -117,15 +120,12 @@ def _goal(goal: wire.Goal) -> Goal:
 def _task(given: wire.Task) -> Task:
     """Return the task of a message; unknown facts of a later client are ignored."""
     robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
-    protocol = _known(ProtocolFacts, vars(given.protocol))
     try:
-        return Task(_goal(given.goal), given.seed, ProtocolFacts(**protocol), RobotFacts(**_known(RobotFacts, robot)))
-    except TypeError as error:
-        raise wire.WireError(f"`task`: {error}") from error
-
-
-def _known(facts: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: values[name] for name in facts.__dataclass_fields__ if name in values}  # type: ignore[attr-defined]
+        protocol = ProtocolParameters(**{name: getattr(given.protocol, name) for name in PROTOCOL_FIELDS})
+        facts = RobotFacts(**{item.name: robot[item.name] for item in fields(RobotFacts)})
+    except (AttributeError, KeyError, ValueError) as error:
+        raise wire.WireError(f"`task`: {' '.join(str(error).split())[:300]}") from error
+    return Task(_goal(given.goal), given.seed, protocol, facts)
 
 
 def _camera(given: wire.Camera) -> Camera:

@@ -23,31 +23,23 @@ _NEAR_SHARE: Final = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
-    """A detection of the goal with its depth."""
+class GoalSurface:
+    """What a detection shows of the goal, with its depth."""
 
-    score: float
     distance_m: float
     """Horizontal distance from the base's centre to its nearest part; NaN without valid depth."""
-    bearing_rad: float
-    """Bearing of its centre relative to the robot's heading, left positive."""
     points: npt.NDArray[np.float64]
     """(N, 2) points of its surface in the start's frame, metres; empty without valid depth."""
 
 
 @dataclass(slots=True, eq=False)
-class Spot:
-    """A point of a goal's surface, with the number of consecutive misses."""
-
-    point: Point
-    misses: int = 0
-
-
-@dataclass(slots=True, eq=False)
-class Place:
+class GoalPlace:
     """A place where the goal was seen."""
 
-    spots: list[Spot]
+    points: npt.NDArray[np.float64]
+    """(N, 2) points of the goal's surface in the start's frame, metres."""
+    point_misses: npt.NDArray[np.int64]
+    """(N,) consecutive misses of each point."""
     observations: int = 1
     misses: int = 0
     failed_observations: int = 0
@@ -56,11 +48,6 @@ class Place:
     def evidence(self, reliability: Reliability) -> float:
         """Return the number of views that support it, less the weighted number of those that do not."""
         return self.observations - reliability.miss_weight * self.misses
-
-    @property
-    def points(self) -> npt.NDArray[np.float64]:
-        """(N, 2): its points, in metres."""
-        return np.array([spot.point for spot in self.spots], np.float64).reshape(-1, 2)
 
     @property
     def centre(self) -> Point:
@@ -77,17 +64,16 @@ class Place:
         return float(np.hypot(*(self.points - point).T).min())
 
 
-def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> Sighting:
-    """Return the position of a detected object, whose mask has the size of the depth image (H, W).
+def surface_of(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> GoalSurface:
+    """Return the surface of a detected object, whose mask has the size of the depth image (H, W).
 
     `pose` is that of the base in the start's frame.
     """
     height, width = depth_m.shape
     rays = camera.rays(width, height)
-    middle = -float(np.interp((detection.box[0] + detection.box[2]) / 2, np.arange(width), rays.left))
     rows, columns = np.nonzero(detection.mask & np.isfinite(depth_m))
     if rows.size == 0:
-        return Sighting(detection.score, math.nan, -math.atan(middle), np.zeros((0, 2)))
+        return GoalSurface(math.nan, np.zeros((0, 2)))
     ahead, left, _ = rays.points(depth_m[rows, columns], rows, columns)
     flat = np.hypot(ahead, left)
     distance_m = float(np.percentile(flat, _NEAR_SHARE))
@@ -97,7 +83,7 @@ def sighting(detection: Detection, depth_m: npt.NDArray[np.float32], camera: Cam
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     x_m = pose.x_m + cos * ahead[chosen] - sin * left[chosen]
     y_m = pose.y_m + sin * ahead[chosen] + cos * left[chosen]
-    return Sighting(detection.score, distance_m, -math.atan(middle), np.column_stack((x_m, y_m)))
+    return GoalSurface(distance_m, np.column_stack((x_m, y_m)))
 
 
 @dataclass(slots=True)
@@ -105,10 +91,10 @@ class GoalMemory:
     """The places of an episode."""
 
     reliability: Reliability
-    places: list[Place] = field(default_factory=list)
+    places: list[GoalPlace] = field(default_factory=list)
 
     @property
-    def believed(self) -> list[Place]:
+    def believed(self) -> list[GoalPlace]:
         """The places that enough views support: a detector seldom errs twice at the same place.
 
         A weak detector does err twice, so only its best place counts.
@@ -119,7 +105,7 @@ class GoalMemory:
             least = max([least, *evidence])
         return [place for place, views in zip(self.places, evidence, strict=True) if views >= least]
 
-    def update(self, sightings: Sequence[Sighting], should_see: Callable[[Point], bool]) -> None:
+    def update(self, sightings: Sequence[GoalSurface], should_see: Callable[[Point], bool]) -> None:
         """Update the places with an observation. Sightings without depth are ignored.
 
         `should_see` returns whether a goal at a point should be detected in this observation.
@@ -130,28 +116,31 @@ class GoalMemory:
             seen.add(id(self._see(item, seen)))
         surfaces = np.concatenate([item.points for item in with_depth]) if with_depth else np.zeros((0, 2))
         for place in list(self.places):
-            expected = [spot for spot in place.spots if should_see(spot.point)]
-            for spot in expected:
-                again = surfaces.size and float(np.hypot(*(surfaces - spot.point).T).min()) < _SAME_SPOT_M
-                spot.misses = 0 if again else spot.misses + 1
+            expected = [number for number, (x_m, y_m) in enumerate(place.points.tolist()) if should_see((x_m, y_m))]
+            for number in expected:
+                away_m = np.hypot(*(surfaces - place.points[number]).T)
+                again = surfaces.size and float(away_m.min()) < _SAME_SPOT_M
+                place.point_misses[number] = 0 if again else place.point_misses[number] + 1
             weight = self.reliability.miss_weight
-            place.spots = [spot for spot in place.spots if weight * spot.misses < _MISSES_OF_A_SPOT]
+            kept = weight * place.point_misses < _MISSES_OF_A_SPOT
+            place.points, place.point_misses = place.points[kept], place.point_misses[kept]
             if expected and id(place) not in seen:
                 place.misses += 1
-            if not place.spots or weight * place.misses > place.observations:
+            if not place.points.size or weight * place.misses > place.observations:
                 self.places.remove(place)
 
-    def _see(self, item: Sighting, seen: set[int]) -> Place:
+    def _see(self, item: GoalSurface, seen: set[int]) -> GoalPlace:
         """Add a sighting to its place, or as a new place. `seen` has the ids of the places seen in this view."""
-        spots = [Spot((float(x), float(y))) for x, y in item.points]
+        misses = np.zeros(len(item.points), np.int64)
         middle = (float(np.median(item.points[:, 0])), float(np.median(item.points[:, 1])))
         near = [place for place in self.places if place.nearest_m(middle) < _SAME_PLACE_M]
         if near:
             place = min(near, key=lambda place: place.nearest_m(middle))
-            place.spots = [*place.spots, *spots][-_MAX_SPOTS:]
+            place.points = np.concatenate((place.points, item.points))[-_MAX_SPOTS:]
+            place.point_misses = np.concatenate((place.point_misses, misses))[-_MAX_SPOTS:]
             if not self.reliability.is_measured or id(place) not in seen:  # a second box is not a second view
                 place.observations += 1
             place.failed_observations = 0
             return place
-        self.places.append(Place(spots))
+        self.places.append(GoalPlace(item.points, misses))
         return self.places[-1]

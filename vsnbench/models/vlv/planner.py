@@ -62,15 +62,6 @@ class Terrain:
         return True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Route:
-    """A field of path lengths to a target."""
-
-    terrain: Terrain
-    field_m: FloatGrid
-    """(rows, columns): path cost to the target in metres; infinite if there is no path."""
-
-
 class Planner:
     """Plans for one robot."""
 
@@ -103,10 +94,11 @@ class Planner:
         slowness[~open_cells] = np.inf
         return Terrain(grid, obstacles, away_m, open_cells, slowness.astype(np.float32))
 
-    def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> Route | None:
+    def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> FloatGrid | None:
         """Return path costs to the nearest target cell that is open, or None if none can be reached from `pose`.
 
-        The field is computed only as far as the robot needs it.
+        The field (rows, columns) is in metres, infinite where there is no path, and computed only as far as the robot
+        needs it.
         """
         sources = np.flatnonzero(targets & terrain.open_cells)
         if sources.size == 0:
@@ -114,7 +106,7 @@ class Planner:
         here = terrain.map.cell_at(pose.x_m, pose.y_m)
         wanted = here.row * terrain.map.shape[1] + here.column
         field = self._march(terrain.slowness, sources, wanted, _FIELD_MARGIN_M)
-        return Route(terrain, field) if math.isfinite(value_at(field, terrain.map, pose.position)) else None
+        return field if math.isfinite(value_at(field, terrain.map, pose.position)) else None
 
     def lengths_from(self, terrain: Terrain, pose: Pose) -> FloatGrid:
         """Return (rows, columns): length in metres of the shortest path from `pose` to each cell."""
@@ -123,11 +115,13 @@ class Planner:
         sources = np.array([here.row * terrain.map.shape[1] + here.column])
         return self._march(even.astype(np.float32), sources, -1, 0.0)
 
-    def next_action(self, route: Route, pose: Pose, *, forward_refused: bool = False) -> Action | None:
+    def next_action(
+        self, terrain: Terrain, field_m: FloatGrid, pose: Pose, *, forward_refused: bool = False
+    ) -> Action | None:
         """Return the first action of the best short sequence, or None if no sequence leads nearer to the target."""
         from vsnbench.models.vlv.marching_kernels import search_actions
 
-        settings, grid = self._settings, route.terrain.map
+        settings, grid = self._settings, terrain.map
         body = np.array(
             [
                 settings.forward_m,
@@ -138,11 +132,10 @@ class Planner:
         frame = np.array([grid.origin_x_m, grid.origin_y_m, grid.resolution_m])
         start = np.array([pose.x_m, pose.y_m, pose.heading_rad])
         turn_rad = math.radians(settings.turn_deg)
-        terrain = route.terrain
         for depth in (_SHORT_SEARCH, _LONG_SEARCH):
             plan = np.zeros(depth, np.int64)
             cost = search_actions(
-                route.field_m,
+                field_m,
                 terrain.open_cells,
                 terrain.obstacles,
                 frame,
@@ -179,12 +172,12 @@ def value_at(field: FloatGrid, grid: OccupancyMap, point: Point) -> float:
     return float(field[cell.row, cell.column]) if grid.holds(cell) else math.inf
 
 
-def path_of(route: Route, pose: Pose) -> tuple[Point, ...]:
+def path_of(terrain: Terrain, field_m: FloatGrid, pose: Pose) -> tuple[Point, ...]:
     """Return the path from the robot to the target along the steepest descent of the field.
 
     The path does not enter cells that are not open, or cut their corners.
     """
-    grid, field, open_cells = route.terrain.map, route.field_m, route.terrain.open_cells
+    grid, field, open_cells = terrain.map, field_m, terrain.open_cells
     rows, columns = field.shape
     cell = grid.cell_at(pose.x_m, pose.y_m)
     path: list[Point] = [(pose.x_m, pose.y_m)]

@@ -12,17 +12,16 @@ from typing import Any, ClassVar
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.checkpoints.torch_runtime import require_torch
 from vsnbench.models.contract import ModelCard, ModelCheck, Policy
-from vsnbench.models.trained_camera import TrainedCamera
 from vsnbench.models.vlv.detectors.choosing import open_detector
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL, GOAL_OF_CLASS
-from vsnbench.models.vlv.move import SearchStep
 from vsnbench.models.vlv.planner import Planner
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.models.vlv.value.estimate import Value, open_value
 from vsnbench.settings.yaml_file import read_settings
 from vsnbench.values.decision import Box, Decision, Diagnostics
+from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.observation import Observation, Sensor
 
 HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_deg=90, width=224, height=224)
@@ -30,17 +29,20 @@ HABITAT_CAMERA = TrainedCamera(mount_height_m=1.25, tilt_deg=0, horizontal_fov_d
 `configs/tasks/pointnav_rgbd.yaml` and `map_and_plan_agent/slam.py`, the rest Habitat's default. The value network was
 trained on videos of unknown cameras."""
 
+MODULAR_CARD = ModelCard(
+    "modular",
+    goals=frozenset(CLASS_OF_GOAL),
+    sensors=frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY}),
+    forward_m=VLVSettings().forward_m,
+    turn_deg=VLVSettings().turn_deg,
+)
+"""What all models of map, planner and detector state."""
+
 
 class ModularPolicy(Policy):
     """A policy of map, planner and detector; a subclass chooses where to look for the goal."""
 
-    name: ClassVar[str]
-    default_card: ClassVar[ModelCard]
-    known_goals: ClassVar = tuple(CLASS_OF_GOAL)
-    needed_sensors: ClassVar = (Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY)
     settings_class: ClassVar = VLVSettings
-
-    card: ModelCard
 
     def __init__(self, value: Value, model_config: str | Path | VLVSettings | None, device: str) -> None:
         self.settings = _settings_from(model_config)
@@ -51,12 +53,13 @@ class ModularPolicy(Policy):
         self._class = ""
         goals = frozenset(goal for goal, name in CLASS_OF_GOAL.items() if name in self._detector.classes)
         if not goals:
+            classes = ", ".join(CLASS_OF_GOAL.values())
             raise ModelError(
-                f"{self.name}'s detector, {self._detector.name}, finds none of {', '.join(CLASS_OF_GOAL.values())}",
+                f"{self.card.name}'s detector, {self._detector.name}, finds none of {classes}",
                 advice="use a detector trained on COCO",
             )
-        self.card = ModelCard(
-            name=self.name,
+        self.card = replace(
+            self.card,
             goals=goals,
             sensors=self._read_sensors(),
             weights_sha256=self._value.sha256,
@@ -64,14 +67,13 @@ class ModularPolicy(Policy):
             settings=self._record(),
             forward_m=self.settings.forward_m,
             turn_deg=self.settings.turn_deg,
-            camera=self.default_card.camera,
             runs_on={"device": self._value.device if self._value.device != "cpu" else self._detector.device},
         )
 
     def _read_sensors(self) -> frozenset[Sensor]:
         """Return the sensors that decisions depend on: the colour image only if the detector or the value reads it."""
         images = {Sensor.RGB} if self._value.reads_images else set[Sensor]()
-        return frozenset(self.needed_sensors) - {Sensor.RGB} | self._detector.sensors | images
+        return self.card.sensors - {Sensor.RGB} | self._detector.sensors | images
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode.
@@ -81,7 +83,7 @@ class ModularPolicy(Policy):
         """
         if self.card.goals is None or goal not in self.card.goals:
             raise UsageError(
-                f"{self.name} does not know the goal {goal!r}; it knows {', '.join(sorted(self.card.goals or ()))}"
+                f"{self.card.name} does not know the goal {goal!r}; it knows {', '.join(sorted(self.card.goals or ()))}"
             )
         self._class = CLASS_OF_GOAL[goal]
         self._detector.begin(seed)
@@ -99,36 +101,36 @@ class ModularPolicy(Policy):
             ModelError: no episode has started, or there is no depth image.
         """
         if self._search is None:
-            raise ModelError(f"{self.name}: act was called before reset", advice="call reset first")
+            raise ModelError(f"{self.card.name}: act was called before reset", advice="call reset first")
         if observation.depth_m is None:
-            raise ModelError(f"{self.name} received no depth image")
+            raise ModelError(f"{self.card.name} received no depth image")
         detections = self._detector.detect(observation)
         goals = tuple(
             item for item in detections if item.label == self._class and item.score >= self._reliability.threshold
         )
         value = self._value.of(observation.rgb, self._class) if self._value.reads_images else 0.0
-        move = self._search.step(observation, goals, value)
-        return Decision(move.action, diagnostics=self._diagnostics(self._search, move, detections, value))
+        decision = self._search.step(observation, goals, value)
+        shown = self._shown(self._search, decision.diagnostics, detections, value)
+        return replace(decision, diagnostics=shown)
 
-    def _diagnostics(
-        self, search: Search, move: SearchStep, detections: tuple[Detection, ...], value: float
+    def _shown(
+        self, search: Search, explained: Diagnostics, detections: tuple[Detection, ...], value: float
     ) -> Diagnostics:
-        return Diagnostics(
+        """Return the diagnostics of the search with detections, map and candidates."""
+        return replace(
+            explained,
             boxes=tuple(Box(*item.box, GOAL_OF_CLASS.get(item.label, item.label), item.score) for item in detections),
             map=search.map.grid_map(),
-            sub_goal=move.sub_goal,
-            path=move.path,
             nodes=tuple(search.graph.nodes),
             scalars={"value": value, "open_candidates": float(len(search.graph.open_candidates))},
-            note=f"{move.mode}: {move.note}",
-            details={"mode": move.mode.value, "detector": self._detector.name, **search.details()},
+            details={**explained.details, "detector": self._detector.name, **search.details()},
         )
 
     def _record(self) -> Mapping[str, Any]:
         """Return the settings and the detector's identity, without the path of its file."""
         return self.settings.model_dump(mode="json", exclude={"detector_weights"}) | {
             "replan_growth_m": 0.1,  # a former setting that nothing read; without it, campaigns get other keys
-            "detector": self._detector.kind.value,
+            "detector": self._detector.kind,
             "detector_settings": dict(self._detector.settings),
             "detector_sha256": self._detector.weights_sha256,
         }
@@ -137,10 +139,7 @@ class ModularPolicy(Policy):
 class VLV(ModularPolicy):
     """The second model of the paper."""
 
-    name: ClassVar = "vlv"
-    default_card: ClassVar = ModelCard(
-        "vlv", forward_m=VLVSettings().forward_m, turn_deg=VLVSettings().turn_deg, camera=HABITAT_CAMERA
-    )
+    card = replace(MODULAR_CARD, name="vlv", camera=HABITAT_CAMERA)
     weights_file: ClassVar = "vlv_model.torch"
 
     def __init__(
@@ -181,7 +180,7 @@ class VLV(ModularPolicy):
 
         settings = _settings_from(model_config)
         checked = check_weights(Path(weights) if weights is not None else None, settings, device)
-        card = replace(cls.default_card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
+        card = replace(cls.card, forward_m=settings.forward_m, turn_deg=settings.turn_deg)
         return replace(checked, card=card)
 
     def _make_search(self, seed: int) -> Search:

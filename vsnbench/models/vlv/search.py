@@ -1,22 +1,22 @@
 """One episode of VLV: scan, choose a direction, drive there, scan again; approach the goal once it has been seen."""
 
 import math
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.models.vlv.detectors.contract import Detection, Reliability
-from vsnbench.models.vlv.goal_memory import GoalMemory, Place, Sighting, sighting
+from vsnbench.models.vlv.goal_memory import GoalMemory, GoalPlace, GoalSurface, surface_of
 from vsnbench.models.vlv.map_regions import disk, frontier_away_from, in_sight
-from vsnbench.models.vlv.move import Mode, SearchStep
-from vsnbench.models.vlv.planner import BoolGrid, Planner, Point, Route, path_of, value_at
-from vsnbench.models.vlv.settings import ScanDirection, VLVSettings
+from vsnbench.models.vlv.planner import BoolGrid, FloatGrid, Planner, Point, path_of, value_at
+from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
-from vsnbench.models.vlv.topological_graph import Candidate, TopologicalGraph, View
+from vsnbench.models.vlv.topological_graph import Candidate, TopologicalGraph
 from vsnbench.sensing.occupancy_map import OccupancyMap
 from vsnbench.values.action import Action
+from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -32,6 +32,18 @@ _MAX_FAILED_OBSERVATIONS: Final = 6
 """A place is dropped after this number of observations from nearby without a detection."""
 _VIEW_BORDER_RAD: Final = math.radians(10.0)
 _MAX_RECORDED_CANDIDATES: Final = 30
+
+
+Mode = Literal["scan", "travel", "seek", "stop"]
+"""Activity of the policy."""
+
+
+def explained(
+    action: Action, mode: Mode, note: str, sub_goal: Point | None = None, path: tuple[Point, ...] = ()
+) -> Decision:
+    """Return a decision with the reason for it."""
+    shown = Diagnostics(note=f"{mode}: {note}", sub_goal=sub_goal, path=path, details={"mode": mode})
+    return Decision(action, diagnostics=shown)
 
 
 class Search:
@@ -50,13 +62,14 @@ class Search:
         self._random = np.random.default_rng(seed)
         self._confirmed = 0
         self._before_forward: Pose | None = None
-        self._views: list[View] = []
+        self._views: list[tuple[float, float, float]] = []
+        """Heading of the camera in the start's frame, value and confidence of each view of the scan."""
         self._turns_left: int | None = None
         self._scans = 0
         self._target: Candidate | None = None
         self._budget = 0
 
-    def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> SearchStep:
+    def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Decision:
         """Return the next action.
 
         Detections are those of the goal's class above the threshold, best first. The value is that of the view; 0
@@ -68,21 +81,21 @@ class Search:
         pose = observation.pose
         self._note_last_move(pose, depth_m, observation)
         self.map.observe(depth_m, observation.camera, pose)
-        sightings = [sighting(detection, depth_m, observation.camera, pose) for detection in detections]
+        sightings = [surface_of(detection, depth_m, observation.camera, pose) for detection in detections]
         self._remember(sightings, observation)
         reason = self._reason_to_stop(sightings, pose)
         if reason:
-            return SearchStep(Action.STOP, Mode.STOP, reason)
+            return explained(Action.STOP, "stop", reason)
         self.graph.visit(pose.position)
         if self._turns_left is not None:
             confidence = max((detection.score for detection in detections), default=0.0)
-            self._views.append(View(pose.heading_rad, value, confidence))
+            self._views.append((pose.heading_rad, value, confidence))
         move = self._decide(observation, depth_m)
         if move.action is Action.MOVE_FORWARD:
             self._before_forward = pose
         return move
 
-    def _reason_to_stop(self, sightings: list[Sighting], pose: Pose) -> str:
+    def _reason_to_stop(self, sightings: list[GoalSurface], pose: Pose) -> str:
         """Return why the robot is at the goal, or an empty string."""
         if self.memory.reliability.is_measured:
             reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
@@ -115,7 +128,7 @@ class Search:
         ]:
             self.map.mark_obstacle(*point, pose)
 
-    def _remember(self, sightings: list[Sighting], observation: Observation) -> None:
+    def _remember(self, sightings: list[GoalSurface], observation: Observation) -> None:
         """Add the sightings of the goal to the memory, and count misses."""
         pose, camera = observation.pose, observation.camera
         half_view_rad = math.radians(camera.horizontal_fov_deg) / 2 - _VIEW_BORDER_RAD
@@ -132,7 +145,7 @@ class Search:
 
     # Decisions
 
-    def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _decide(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         believed = self.memory.believed
         may_seek = self._turns_left in (None, 0) or self.settings.scan_ends_on_goal
         if believed and self.settings.seek_on_sight and may_seek:
@@ -143,7 +156,7 @@ class Search:
                 return move
         return self._look_for_goal(observation, depth_m)
 
-    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _look_for_goal(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         """Return the next action while the goal's place is unknown."""
         if self._turns_left is None and self._target is None:
             return self._begin_scan()
@@ -153,19 +166,19 @@ class Search:
             self._finish_scan(observation.pose)
         return self._travel(observation, depth_m)
 
-    def _begin_scan(self) -> SearchStep:
+    def _begin_scan(self) -> Decision:
         self._views = []
         self._scans += 1
         self._turns_left = self.settings.scan_turns
         return self._scan_turn()
 
-    def _scan_turn(self) -> SearchStep:
+    def _scan_turn(self) -> Decision:
         turns_left = self._turns_left or 0
         self._turns_left = turns_left - 1
-        right = self.settings.scan_direction is ScanDirection.ALTERNATE and self._scans % 2 == 0
+        right = self.settings.scan_direction == "alternate" and self._scans % 2 == 0
         done = self.settings.scan_turns - turns_left + 1
         note = f"scan, turn {done} of {self.settings.scan_turns}"
-        return SearchStep(Action.TURN_RIGHT if right else Action.TURN_LEFT, Mode.SCAN, note)
+        return explained(Action.TURN_RIGHT if right else Action.TURN_LEFT, "scan", note)
 
     def _finish_scan(self, pose: Pose) -> None:
         """Convert the views to candidates and choose a target."""
@@ -174,10 +187,10 @@ class Search:
         lengths_m = self._planner.lengths_from(terrain, pose)
         node = len(self.graph.nodes)
         candidates = []
-        for view in self._views:
-            point = sub_goal_of(pose.position, view.heading_rad, terrain, lengths_m, self.settings, self._random)
+        for heading_rad, value, confidence in self._views:
+            point = sub_goal_of(pose.position, heading_rad, terrain, lengths_m, self.settings, self._random)
             if point is not None and not self.graph.is_visited(point):
-                candidates.append(Candidate(point, node, view, view.score(self.settings)))
+                candidates.append(Candidate.of_view(point, node, value, confidence, self.settings))
         self.graph.add_node(pose.position, candidates)
         self._choose(pose)
 
@@ -204,7 +217,7 @@ class Search:
             self.settings.budget_factor * way_m / self.settings.forward_m + self.settings.budget_extra
         )
 
-    def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _travel(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         """Drive to the target, or to another one if that fails; scan if there is none."""
         pose = observation.pose
         for _ in range(1 + len(self.graph.open_candidates)):
@@ -215,40 +228,40 @@ class Search:
                 self._target = None
                 return self._begin_scan()
             self._budget -= 1
-            move = self._towards(disk(self.map, target.point, _ARRIVED_M / 2), observation, depth_m, Mode.TRAVEL)
+            move = self._towards(disk(self.map, target.point, _ARRIVED_M / 2), observation, depth_m, "travel")
             if move is not None:
                 reason = f"to a view of node {target.node}, score {target.score:.2f}"
-                return SearchStep(
-                    move.action, Mode.TRAVEL, f"{reason}, {self._budget} actions left", target.point, move.path
+                return explained(
+                    move.action, "travel", f"{reason}, {self._budget} actions left", target.point, move.diagnostics.path
                 )
             self._choose(pose)
         return self._explore(observation, depth_m)
 
-    def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _explore(self, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         """Without candidates, drive to the nearest frontier that has not been visited."""
         pose = observation.pose
         frontier = frontier_away_from(self.map, self.graph.visited, self.settings.visited_radius_m)
         if frontier.any():
-            move = self._towards(frontier, observation, depth_m, Mode.TRAVEL)
-            if move is not None and move.path:
-                end = move.path[-1]
-                self._target = Candidate(end, len(self.graph.nodes) - 1, View(pose.heading_rad, 0.0, 0.0), 0.0)
+            move = self._towards(frontier, observation, depth_m, "travel")
+            if move is not None and move.diagnostics.path:
+                end = move.diagnostics.path[-1]
+                self._target = Candidate(end, len(self.graph.nodes) - 1, 0.0, 0.0, 0.0)
                 self._set_budget(math.dist(end, pose.position))
-                return SearchStep(
-                    move.action, Mode.TRAVEL, "no candidates left: to the nearest frontier", end, move.path
+                return explained(
+                    move.action, "travel", "no candidates left: to the nearest frontier", end, move.diagnostics.path
                 )
         return self._begin_scan()
 
     def _seek(
-        self, places: list[Place], observation: Observation, depth_m: npt.NDArray[np.float32]
-    ) -> SearchStep | None:
+        self, places: list[GoalPlace], observation: Observation, depth_m: npt.NDArray[np.float32]
+    ) -> Decision | None:
         """Approach the nearest place where the goal was seen, and observe it from there."""
         pose = observation.pose
         reach_m = self.settings.stop_distance_m - _APPROACH_MARGIN_M
         region = np.zeros(self.map.shape, np.bool_)
         for place in places:
-            for spot in place.spots:
-                region |= disk(self.map, spot.point, reach_m)
+            for x_m, y_m in place.points.tolist():
+                region |= disk(self.map, (x_m, y_m), reach_m)
         here = self.map.cell_at(pose.x_m, pose.y_m)
         nearest = min(places, key=lambda place: place.nearest_m(pose.position))
         if region[here.row, here.column]:
@@ -257,13 +270,13 @@ class Search:
                 self.memory.places.remove(nearest)
                 return None
             return self._face(nearest, observation, depth_m)
-        move = self._towards(region, observation, depth_m, Mode.SEEK)
+        move = self._towards(region, observation, depth_m, "seek")
         if move is None:
             return None
         note = f"to the goal: {nearest.observations} observations, {nearest.misses} misses"
-        return SearchStep(move.action, Mode.SEEK, note, nearest.centre, move.path)
+        return explained(move.action, "seek", note, nearest.centre, move.diagnostics.path)
 
-    def _face(self, place: Place, observation: Observation, depth_m: npt.NDArray[np.float32]) -> SearchStep:
+    def _face(self, place: GoalPlace, observation: Observation, depth_m: npt.NDArray[np.float32]) -> Decision:
         """Turn to the nearby goal and keep it in view."""
         pose = observation.pose
         points = place.points
@@ -278,24 +291,28 @@ class Search:
             terrain = self._planner.terrain(self.map, pose, 0.0)
             ahead = pose.compose(Pose(self.settings.forward_m, 0.0)).position
             if terrain.is_open(*ahead) and terrain.sees(pose.position, ahead):
-                return SearchStep(Action.MOVE_FORWARD, Mode.SEEK, note, place.centre)
-        return SearchStep(Action.TURN_LEFT if bearing > 0 else Action.TURN_RIGHT, Mode.SEEK, note, place.centre)
+                return explained(Action.MOVE_FORWARD, "seek", note, place.centre)
+        return explained(Action.TURN_LEFT if bearing > 0 else Action.TURN_RIGHT, "seek", note, place.centre)
 
     def _towards(
         self, targets: BoolGrid, observation: Observation, depth_m: npt.NDArray[np.float32], mode: Mode
-    ) -> SearchStep | None:
+    ) -> Decision | None:
         """Return the next action towards some cells, with the largest clearance that leaves a path."""
         pose = observation.pose
         refused = False
         for _ in range(2):
-            route: Route | None = None
+            field_m: FloatGrid | None = None
             for share in (1.0, 0.5, 0.0):
                 terrain = self._planner.terrain(self.map, pose, share * self.settings.clearance_m)
-                route = self._planner.route(terrain, targets, pose)
-                action = None if route is None else self._planner.next_action(route, pose, forward_refused=refused)
+                field_m = self._planner.route(terrain, targets, pose)
+                action = (
+                    None
+                    if field_m is None
+                    else self._planner.next_action(terrain, field_m, pose, forward_refused=refused)
+                )
                 if action is not None:
                     break
-            if route is None or action is None:
+            if field_m is None or action is None:
                 return None
             if action is Action.MOVE_FORWARD:
                 obstacles = obstacles_ahead(depth_m, observation.camera, pose, self.settings)
@@ -304,7 +321,7 @@ class Search:
                         self.map.mark_obstacle(*point, pose)
                     refused = True
                     continue
-            return SearchStep(action, mode, "", path=path_of(route, pose))
+            return explained(action, mode, "", path=path_of(terrain, field_m, pose))
         return None
 
     def details(self) -> dict[str, Any]:
@@ -315,8 +332,8 @@ class Search:
                     "x_m": round(candidate.point[0], 3),
                     "y_m": round(candidate.point[1], 3),
                     "node": candidate.node,
-                    "value": round(candidate.view.value, 4),
-                    "confidence": round(candidate.view.confidence, 4),
+                    "value": round(candidate.value, 4),
+                    "confidence": round(candidate.confidence, 4),
                     "score": round(candidate.score, 4),
                 }
                 for candidate in sorted(self.graph.open_candidates, key=lambda item: -item.score)[

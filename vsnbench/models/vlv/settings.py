@@ -1,40 +1,13 @@
 """The settings of VLV. If the paper and the original source differ, the default is the paper's."""
 
-from enum import StrEnum
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from vsnbench.sensing.occupancy_map import MappingSettings
 
-
-class DetectorKind(StrEnum):
-    """Kind of object detector."""
-
-    AUTO = "auto"
-    """Mask R-CNN if its weights are found, else an ONNX file, else the simulator's labels."""
-    MASK_RCNN = "mask_rcnn"
-    ONNX = "onnx"
-    SIMULATED = "simulated"
-    """The simulator's labels with errors; simulation only."""
-
-
-class ScanDirection(StrEnum):
-    """Direction of the turns of a scan."""
-
-    LEFT = "left"
-    """As in the original."""
-    ALTERNATE = "alternate"
-    """Left, then right, and so on, so that scale errors of odometry cancel."""
-
-
-class SubGoalRule(StrEnum):
-    """Distance of a short-term goal from its node."""
-
-    FIXED = "fixed"
-    """`sub_goal_m` in the direction of the view (paper, Section 3.2.1), nearer if that is blocked."""
-    SAMPLED = "sampled"
-    """Random between `sub_goal_min_m` and `sub_goal_max_m`, as in the original source."""
+DetectorKind = Literal["auto", "mask_rcnn", "onnx", "simulated"]
+"""Mask R-CNN, an ONNX file, or the simulator's labels with errors; `auto`: the first whose weights are found."""
 
 
 class VLVSettings(BaseModel):
@@ -43,7 +16,7 @@ class VLVSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     # Detector
-    detector: DetectorKind = Field(default=DetectorKind.AUTO, description="auto, mask_rcnn, onnx or simulated")
+    detector: DetectorKind = Field(default="auto", description="auto, mask_rcnn, onnx or simulated")
     detector_weights: str | None = Field(
         default=None,
         description="detector file; null: vlv_mask_rcnn.pth or vlv_detector.onnx in $VSNBENCH_WEIGHTS",
@@ -75,11 +48,15 @@ class VLVSettings(BaseModel):
 
     # High level
     scan_turns: int = Field(default=12, ge=1, le=72, description="number of turns of a scan")
-    scan_direction: ScanDirection = Field(default=ScanDirection.LEFT, description="left or alternate")
+    scan_direction: Literal["left", "alternate"] = Field(default="left", description="left or alternate")
+    """Direction of the turns of a scan: left as in the original, or left, then right, and so on, so that scale errors
+    of odometry cancel."""
     scan_ends_on_goal: bool = Field(
         default=True, description="two sightings of the goal at a place end the scan; the original finishes it"
     )
-    sub_goal: SubGoalRule = Field(default=SubGoalRule.FIXED, description="fixed (paper) or sampled (source)")
+    sub_goal: Literal["fixed", "sampled"] = Field(default="fixed", description="fixed (paper) or sampled (source)")
+    """Distance of a short-term goal from its node: `sub_goal_m` in the direction of the view (paper, Section 3.2.1),
+    nearer if that is blocked; or random between `sub_goal_min_m` and `sub_goal_max_m`, as in the original source."""
     sub_goal_m: float = Field(default=1.5, gt=0.2, le=10, description="distance of a fixed sub-goal from its node")
     sub_goal_min_m: float = Field(default=0.9, gt=0.2, le=10, description="nearest sampled sub-goal")
     sub_goal_max_m: float = Field(default=2.0, gt=0.2, le=10, description="farthest sampled sub-goal")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from vsnbench.models.vlv.planner import BoolGrid, FloatGrid, Point, Terrain
-from vsnbench.models.vlv.settings import SubGoalRule, VLVSettings
+from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.sensing.occupancy_map import OccupancyMap
 
 _DRAWS = 100
@@ -27,7 +27,7 @@ def sub_goal_of(
     The settings have the rule of the distance: fixed (paper, Section 3.2.1) or sampled as in the original source.
     `lengths_m` (rows, columns) are path lengths from the node.
     """
-    if settings.sub_goal is SubGoalRule.SAMPLED:
+    if settings.sub_goal == "sampled":
         half_rad = math.radians(settings.sub_goal_half_angle_deg)
         draws = (
             (random.uniform(settings.sub_goal_min_m, settings.sub_goal_max_m), random.uniform(-half_rad, half_rad))

@@ -7,37 +7,31 @@ a bonus if the goal is seen. Near candidates are preferred; visited candidates a
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Self
 
 from vsnbench.models.vlv.planner import Point
 from vsnbench.models.vlv.settings import VLVSettings
 
 
-@dataclass(frozen=True, slots=True)
-class View:
-    """One view of a scan."""
-
-    heading_rad: float
-    """Heading of the camera in the start's frame."""
-    value: float
-    """Value of this direction; 0 without a value network."""
-    confidence: float
-    """The detector's best score for the goal; 0 if it is not seen, which includes scores under the threshold."""
-
-    def score(self, settings: VLVSettings) -> float:
-        """Return value, plus confidence and bonus if the goal is seen."""
-        seen = self.confidence > 0
-        return self.value + (self.confidence + settings.detection_bonus if seen else 0.0)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A place to go next."""
+    """A place to go next, in the direction of a view."""
 
     point: Point
     node: int
     """Index of the node of its view."""
-    view: View
+    value: float
+    """Value of the view; 0 without a value network."""
+    confidence: float
+    """The detector's best score for the goal; 0 if it is not seen, which includes scores under the threshold."""
     score: float
+    """Value, plus confidence and bonus if the goal is seen."""
+
+    @classmethod
+    def of_view(cls, point: Point, node: int, value: float, confidence: float, settings: VLVSettings) -> Self:
+        """Return the candidate of a view, with its score."""
+        score = value + (confidence + settings.detection_bonus if confidence > 0 else 0.0)
+        return cls(point, node, value, confidence, score)
 
 
 @dataclass(slots=True)

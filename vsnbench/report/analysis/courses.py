@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
-from vsnbench.protocol.course import CourseMap, Stage
+from vsnbench.protocol.course import Approach, CourseMap, Stage
 from vsnbench.protocol.metrics import heading_change_deg_per_m
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.fields import quantity
+from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step
 from vsnbench.sites.site import Site
@@ -47,13 +48,10 @@ class Course:
 class CourseMeasures:
     """Measures of one course; None if unknown."""
 
-    stage: Stage | None
-    """Furthest stage."""
-    clearance_min_m: float | None
-    """Smallest distance from the base's edge to a solid of the map."""
-    clearance_p5_m: float | None
-    """5th percentile of that distance over the path."""
-    heading_change_deg_per_m: float | None
+    stage: Stage | None = quantity("furthest stage: `none`, `seen`, `approached`, `reached` or `stopped`")
+    clearance_min_m: float | None = quantity("smallest distance from the base's edge to a solid of the site")
+    clearance_p5_m: float | None = quantity("5th percentile of that distance over the path")
+    heading_change_deg_per_m: float | None = quantity("change of heading in degrees per metre of path")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +116,15 @@ def _positive(part: Any, name: str) -> float | None:
     return float(value)
 
 
+Examined = dict[int, tuple[Course | None, Approach | None]]
+"""Course of each examined episode, and how it came near its goal."""
+
+
 def measure_courses(
-    engine: Engine, record: ReportData, report: Callable[[int, int], object] = lambda _done, _of: None
+    engine: Engine,
+    record: ReportData,
+    report: Callable[[int, int], object] = lambda _done, _of: None,
+    examined: Examined | None = None,
 ) -> tuple["pd.DataFrame", tuple[CourseSummary, ...]]:
     """Measure the courses of the counted episodes, evenly sampled above `MAX_EXAMINED` in all.
 
@@ -127,6 +132,7 @@ def measure_courses(
         engine: the record.
         record: its episodes.
         report: called with the number of measured episodes and of all that will be.
+        examined: receives the examined episodes, for `read_failures`.
 
     Returns:
         One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a summary of
@@ -144,7 +150,7 @@ def measure_courses(
     found, summaries = [], []
     for condition, counted, rows in chosen:
         own = []
-        for line in _measured(engine, record, condition, rows):
+        for line in _measured(engine, record, condition, rows, {} if examined is None else examined):
             own.append(line)
             done += 1
             report(done, whole)
@@ -154,28 +160,27 @@ def measure_courses(
 
 
 def _measured(
-    engine: Engine, record: ReportData, condition: Condition, rows: "pd.DataFrame"
+    engine: Engine, record: ReportData, condition: Condition, rows: "pd.DataFrame", examined: Examined
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
-    for row, course in courses_of(engine, rows):
-        known = _measure(ground, str(row["goal"]), course, float(row["path_length_m"]), bool(row["success"]))
+    for row, course, approach in examine(engine, ground, rows, examined):
+        known = _measure(ground, course, approach, float(row["path_length_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 
-def measures_of(engine: Engine, details: EpisodeDetails) -> CourseMeasures:
+def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
     """Return the measures of one episode's course."""
-    episode, origin = details.summary, details.provenance
+    origin = episode.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
-    path_m = math.nan if episode.path_length_m is None else episode.path_length_m
-    return _measure(ground, episode.goal, course, path_m, episode.success is True)
+    path_m = math.nan if episode.path_m is None else episode.path_m
+    return _measure(ground, course, _approach(ground, episode.goal, course), path_m, episode.success is True)
 
 
 def _measure(
-    ground: CourseMap | None, goal: str, course: Course | None, path_m: float, succeeded: bool
+    ground: CourseMap | None, course: Course | None, approach: Approach | None, path_m: float, succeeded: bool
 ) -> CourseMeasures:
     poses = course.poses if course else ()
-    approach = ground.approach(goal, poses) if ground else None
     clearance = ground.clearance(poses) if ground else None
     return CourseMeasures(
         stage=approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None,
@@ -196,13 +201,31 @@ def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]
     )
 
 
-def courses_of(engine: Engine, rows: "pd.DataFrame") -> Iterator[tuple[dict[str, Any], Course | None]]:
-    """Yield each row of episodes with its course; None without steps."""
+def _approach(ground: CourseMap | None, goal: str, course: Course | None) -> Approach | None:
+    return ground.approach(goal, course.poses) if ground and course else None
+
+
+def examine(
+    engine: Engine, ground: CourseMap | None, rows: "pd.DataFrame", examined: Examined
+) -> Iterator[tuple[dict[str, Any], Course | None, Approach | None]]:
+    """Yield each row of episodes with its course, None without steps, and its approach, None where one is unknown.
+
+    Args:
+        engine: the record.
+        ground: map of their condition; None if it is unknown.
+        rows: rows of `ReportData.episodes`.
+        examined: episodes that were examined before; receives the others.
+    """
     for first in range(0, len(rows), _PART):
-        part = rows.iloc[first : first + _PART].to_dict("records")
-        courses = read_courses(engine, [int(row["episode"]) for row in part])
+        found = rows.iloc[first : first + _PART].to_dict("records")
+        part = [{str(name): value for name, value in row.items()} for row in found]
+        courses = read_courses(engine, [number for row in part if (number := int(row["episode"])) not in examined])
         for row in part:
-            yield {str(name): value for name, value in row.items()}, courses.get(int(row["episode"]))
+            number = int(row["episode"])
+            if number not in examined:
+                course = courses.get(number)
+                examined[number] = course, _approach(ground, str(row["goal"]), course)
+            yield row, *examined[number]
 
 
 def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:

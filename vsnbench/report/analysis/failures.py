@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from sqlalchemy import Engine
 
-from vsnbench.protocol.course import Approach, CourseMap
+from vsnbench.protocol.course import Approach
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.courses import Course, course_map, courses_of
+from vsnbench.report.analysis.courses import Course, Examined, course_map, examine
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.values.pose import wrap_angle
 
@@ -90,11 +90,16 @@ class Failures:
         return sum(number for _, number in self.kinds)
 
 
-def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
+def read_failures(engine: Engine, record: ReportData, examined: Examined | None = None) -> tuple[Failures, ...]:
     """Classify the failures of every condition.
 
     An instance is in view if it is within the camera's field of view and no wall is in between. Furniture does not
     block the view.
+
+    Args:
+        engine: the record.
+        record: its episodes.
+        examined: episodes that `measure_courses` examined, which need not be read again.
     """
     found = []
     for condition in record.conditions:
@@ -106,8 +111,8 @@ def read_failures(engine: Engine, record: ReportData) -> tuple[Failures, ...]:
         touched: Counter[str] = Counter()
         unseen = known = 0
         failures = []
-        for row, course in courses_of(engine, rows.iloc[:: max(1, math.ceil(len(rows) / MAX_FAILURES))]):
-            approach = _approach(ground, row, course)
+        sample = rows.iloc[:: max(1, math.ceil(len(rows) / MAX_FAILURES))]
+        for row, course, approach in examine(engine, ground, sample, {} if examined is None else examined):
             failures.append(_failure(condition, row, course, approach))
             if approach is not None and approach.in_view is not None:
                 known += 1
@@ -136,8 +141,8 @@ def failure_kinds(engine: Engine, record: ReportData, known: Collection[int] = (
         if rows.empty:
             continue
         ground = course_map(engine, record, condition)
-        for row, course in courses_of(engine, rows):
-            failure = _failure(condition, row, course, _approach(ground, row, course))
+        for row, course, approach in examine(engine, ground, rows, {}):
+            failure = _failure(condition, row, course, approach)
             yield failure.episode, failure.kind
 
 
@@ -160,10 +165,6 @@ def failure_places(failures: Sequence[Failure]) -> tuple[FailurePlace, ...]:
         x_m, y_m = (math.fsum(place[axis] for place in at) / len(at) for axis in (0, 1))
         places.append(FailurePlace(group[0].kind, x_m, y_m, tuple(failure.episode for failure in group)))
     return tuple(sorted(places, key=lambda place: (-len(place.episodes), place.episodes)))
-
-
-def _approach(ground: CourseMap | None, row: Any, course: Course | None) -> Approach | None:
-    return ground.approach(str(row["goal"]), course.poses) if ground and course else None
 
 
 def _failure(condition: Condition, row: Any, course: Course | None, approach: Approach | None) -> Failure:

@@ -1,16 +1,16 @@
 """The paper's results as data, in the same types as recorded results."""
 
-import math
 from functools import cache
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.summary import ConditionSummary, GoalSummary, Results, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group, Results, sum_of
 from vsnbench.settings.yaml_text import load_yaml
-from vsnbench.statistics.clustered import Outcomes, independent_outcomes
+from vsnbench.statistics.clustered import independent_outcomes
 from vsnbench.statistics.rates import Proportion
+from vsnbench.values.goal import GoalKind
 
 PAPER_INTERVALS = (
     "The paper does not print which trials succeeded: its intervals are Wilson's and its tests Fisher's, for "
@@ -110,27 +110,15 @@ def _condition(paper: Published, model: PublishedModel, shared: tuple[str, ...],
         name=f"{model.title} (paper)",
         published=True,
     )
-    summaries = {}
+    groups = {}
     for number, (goal, (successes, episodes, mean_actions)) in enumerate(model.goals.items()):
         # The paper does not state which trials succeeded: each is a cluster of its own, also across goals.
         outcomes = independent_outcomes(Proportion(successes, episodes), -1000 * number)
-        summaries[goal] = Summary(successes, episodes, planned=episodes, mean_actions=mean_actions, outcomes=outcomes)
+        groups[goal] = Group(outcomes, episodes, goal=goal, kind=GoalKind.CATEGORY, published_actions=mean_actions)
     return ConditionSummary(
         condition=condition,
-        goals=tuple(GoalSummary(goal, summary) for goal, summary in summaries.items()),
-        total=_sum([*summaries.values()]),
-        shared=_sum([summaries[goal] for goal in shared]),
-        starts={},
-        ends=(),
+        goals=tuple(groups.values()),
+        total=sum_of(groups.values()),
+        shared=sum_of(groups[goal] for goal in shared),
         shared_goals=shared,
-    )
-
-
-def _sum(goals: list[Summary]) -> Summary:
-    return Summary(
-        successes=sum(goal.successes for goal in goals),
-        episodes=sum(goal.episodes for goal in goals),
-        planned=sum(goal.planned for goal in goals),
-        mean_actions=math.nan,  # the paper has no average over the goals
-        outcomes=Outcomes(tuple(cell for goal in goals for cell in goal.outcomes.cells)),
     )

@@ -173,9 +173,9 @@ class Grid:
 def grid(summary: ConditionSummary) -> Grid:
     """Return all cells of a condition with a known starting position."""
     cells = {
-        (goal.goal, cell.cluster): Proportion(round(cell.successes), cell.trials)
-        for goal in summary.goals
-        for cell in goal.summary.outcomes.cells
+        (str(group.goal), cell.cluster): Proportion(round(cell.successes), cell.trials)
+        for group in summary.goals
+        for cell in group.outcomes.cells
         if cell.cluster > 0
     }
     goals = {goal for goal, _ in cells}

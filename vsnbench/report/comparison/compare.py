@@ -15,7 +15,7 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.comparability import MIN_COVERAGE
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData, empty_report_data, goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group, Results, sum_of
 from vsnbench.report.comparison.effects import MEASURED, EffectComparison, effects
 from vsnbench.report.comparison.pairing import (
     Matches,
@@ -56,9 +56,9 @@ class RateComparison:
     """`all goals`, `shared goals`, or a goal."""
     goals: tuple[tuple[str, ...], tuple[str, ...]]
     """Goals of the first and the second; equal except for `all goals`."""
-    first: Summary
+    first: Group
     """All its episodes on these goals, compared or left out."""
-    second: Summary
+    second: Group
     pairing: Pairing | None
     """None for independent samples."""
     matches: Matches | None
@@ -234,7 +234,7 @@ def _side(record: ReportData, summary: ConditionSummary) -> _Side:
 
 def _pair(side: _Side, other: _Side, *, by_goal: bool) -> Comparison:
     first, second = side.summary, other.summary
-    mine, theirs = (tuple(goal.goal for goal in summary.goals) for summary in (first, second))
+    mine, theirs = first.own_goals, second.own_goals
     shared = tuple(sorted(set(mine) & set(theirs), key=goal_order))
     scopes: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [(SHARED, shared, shared)] if shared else []
     if set(mine) != set(theirs):
@@ -273,13 +273,6 @@ def _placed(outcomes: Outcomes, summary: ConditionSummary) -> bool:
     return not summary.condition.published and all(cell.cluster > 0 for cell in outcomes.cells)
 
 
-def over_goals(summary: ConditionSummary, goals: Sequence[str]) -> Summary:
-    """Return the sum over some goals; only the fields that rates need are summed."""
-    chosen = [goal.summary for goal in summary.goals if goal.goal in goals]
-    return replace(
-        chosen[0],
-        successes=sum(goal_summary.successes for goal_summary in chosen),
-        episodes=sum(goal_summary.episodes for goal_summary in chosen),
-        planned=sum(goal_summary.planned for goal_summary in chosen),
-        outcomes=Outcomes(tuple(cell for goal_summary in chosen for cell in goal_summary.outcomes.cells)),
-    )
+def over_goals(summary: ConditionSummary, goals: Sequence[str]) -> Group:
+    """Return the sum over some goals, with what rates need."""
+    return sum_of(group for group in summary.goals if group.goal in goals)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.summary import ConditionSummary, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group
 from vsnbench.statistics.clustered import Cell, independent_difference
 from vsnbench.statistics.multiple import simultaneous
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval
@@ -59,21 +59,19 @@ def pair(first: ConditionSummary, second: ConditionSummary, goals: "Collection[s
     if not shared:
         return None
     inside = [sum(side[place].trials for place in shared) for side in sides]
-    everything = [
-        sum(goal.summary.episodes for goal in summary.goals if goal.goal in goals) for summary in (first, second)
-    ]
+    everything = [sum(goal.episodes for goal in summary.goals if goal.goal in goals) for summary in (first, second)]
     return Pairing(
         outcomes=PairedOutcomes(tuple(PairedCell(sides[0][place], sides[1][place]) for place in shared)),
         left_out=(everything[0] - inside[0], everything[1] - inside[1]),
     )
 
 
-def rate_difference(pairing: Pairing | None, first: Summary, second: Summary) -> float:
+def rate_difference(pairing: Pairing | None, first: Group, second: Group) -> float:
     """Return the first success rate minus the second; over shared cells the mean over them."""
     return pairing.outcomes.difference if pairing else first.success_rate - second.success_rate
 
 
-def difference_interval(pairing: Pairing | None, first: Summary, second: Summary, questions: int = 1) -> Interval:
+def difference_interval(pairing: Pairing | None, first: Group, second: Group, questions: int = 1) -> Interval:
     """Return the interval of that difference; those of all questions hold together with 95 %."""
     confidence = simultaneous(questions)
     if pairing:
@@ -83,9 +81,12 @@ def difference_interval(pairing: Pairing | None, first: Summary, second: Summary
 
 def placed_cells(summary: ConditionSummary, goals: "Collection[str]") -> dict[tuple[str, int], Cell]:
     """Return the cells with a known starting position, by goal and starting position."""
-    chosen = (goal for goal in summary.goals if goal.goal in goals)
     return {
-        (goal.goal, cell.cluster): cell for goal in chosen for cell in goal.summary.outcomes.cells if cell.cluster > 0
+        (str(group.goal), cell.cluster): cell
+        for group in summary.goals
+        if group.goal in goals
+        for cell in group.outcomes.cells
+        if cell.cluster > 0
     }
 
 

@@ -17,7 +17,7 @@ from vsnbench.statistics.power_independent import (
 )
 
 if TYPE_CHECKING:
-    from vsnbench.report.analysis.summary import Summary
+    from vsnbench.report.analysis.summary import Group
 
 MAX_NAMED_STARTS = 1000
 
@@ -101,7 +101,7 @@ class DesignPower:
 
 
 def design_power(
-    pairing: Pairing | None, first: "Summary", second: "Summary", level: float, *, by_start: bool = False
+    pairing: Pairing | None, first: "Group", second: "Group", level: float, *, by_start: bool = False
 ) -> DesignPower | None:
     """Return the power of the design; None without data.
 

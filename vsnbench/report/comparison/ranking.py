@@ -46,7 +46,7 @@ class Ranking:
 
 def ranking_of(members: Sequence[ConditionSummary], comparisons: Sequence[Comparison]) -> Ranking | None:
     """Rank three or more models; None for fewer, or without a goal shared by all."""
-    shared = set.intersection(*({goal.goal for goal in summary.goals} for summary in members)) if members else set()
+    shared = set.intersection(*(set(summary.own_goals) for summary in members)) if members else set()
     if len(members) < 3 or not shared:
         return None
     goals = tuple(sorted(shared, key=goal_order))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Results, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
 from vsnbench.report.comparison.compare import over_goals
 from vsnbench.report.comparison.pairing import (
     Pairing,
@@ -28,9 +28,9 @@ class SimRealPair:
     simulated: Condition
     goals: tuple[str, ...]
     """Goals with both real and simulated trials; the other fields are about these goals."""
-    first: Summary
-    """Summary of the real trials."""
-    second: Summary
+    first: Group
+    """Group of the real trials."""
+    second: Group
     pairing: Pairing | None
     """None if the sites differ or no cell is shared."""
     powered: Powered | None
@@ -80,7 +80,7 @@ def _one_model(real: Condition, simulated: Condition) -> bool:
 
 
 def _pair_of(real: ConditionSummary, simulated: ConditionSummary) -> SimRealPair | None:
-    shared = {goal.goal for goal in real.goals} & {goal.goal for goal in simulated.goals}
+    shared = set(real.own_goals) & set(simulated.own_goals)
     if not shared:
         return None
     goals = tuple(sorted(shared, key=goal_order))

@@ -56,7 +56,7 @@ def _alike(condition: Condition) -> tuple[object, ...]:
 
 def _goals(summary: ConditionSummary) -> tuple[str, ...]:
     """Return the goals shared with comparable conditions that a condition was tested on; all of its own without any."""
-    own = [goal.goal for goal in summary.goals if goal.summary.episodes]
+    own = [str(group.goal) for group in summary.goals if group.episodes]
     return tuple(goal for goal in own if goal in summary.shared_goals) or tuple(own)
 
 

@@ -74,7 +74,7 @@ def trajectory_plan(
             bare_plan(site, axes, goal, summary.condition)
             mine = [track for track in tracks if track.goal == goal]
             _draw_tracks(axes, mine)
-            whole = next((of_goal.summary for of_goal in summary.goals if of_goal.goal == goal), None)
+            whole = next((group for group in summary.goals if group.goal == goal), None)
             sample = f", {len(mine)} drawn" if whole and len(mine) < whole.episodes else ""
             rate = f"{whole.successes}/{whole.episodes}" if whole else ""
             axes.set_title(wrapped(f"{goal} {rate}{sample}", width / columns - 0.15, _TITLE_PT), pad=2)
@@ -101,7 +101,7 @@ def success_maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Iterator[Dra
 
 def _places(site: Site, summary: ConditionSummary) -> dict[int, tuple[float, float]]:
     """Return the starting positions with completed trials, and their coordinates."""
-    done = {number for number, own in summary.starts.items() if own.episodes}
+    done = {group.start for group in summary.starts if group.episodes}
     return {start.number: start.position for start in site.starts if start.number in done}
 
 
@@ -141,7 +141,7 @@ def _draw_shares(axes: "Axes", site: Site, condition_summary: ConditionSummary, 
     from matplotlib.patches import Circle, Wedge
     from matplotlib.patheffects import withStroke
 
-    rates = condition_summary.starts
+    rates = {group.start: group for group in condition_summary.starts}
     places = _places(site, condition_summary)
     label = {number: f"{rates[number].successes}/{rates[number].episodes}" for number in places}
     label_xy = _label_positions(site, places, label, width_in)

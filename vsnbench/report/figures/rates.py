@@ -37,12 +37,12 @@ def success_by_goal(results: Results, published: Results | None = None) -> Itera
 
 def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]) -> Drawing:
     series = [*ours, *paper]
-    goals = sorted({goal.goal for summary in series for goal in summary.goals}, key=goal_order)
+    goals = sorted({goal for summary in series for goal in summary.own_goals}, key=goal_order)
     whole = headlines(series)
     rows = goals if len(goals) == 1 else [*goals, whole.label]  # the total of one goal is its rate
     drawn = [
-        {goal.goal: goal.summary for goal in summary.goals} | {whole.label: headline.summary}
-        for summary, headline in zip(series, whole.by_condition, strict=True)
+        {str(group.goal): group for group in summary.goals} | {whole.label: headline}
+        for summary, (_, headline) in zip(series, whole.by_condition, strict=True)
     ]
     drawn = [
         {goal: goal_summary for goal, goal_summary in summaries.items() if goal_summary.episodes} for summaries in drawn
@@ -83,7 +83,7 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
             )
             marks.append(mark)
             bound = ", upper bound" if condition_summary.condition.surveyed else ""
-            total = whole.by_condition[index].summary
+            _, total = whole.by_condition[index]
             labels.append(f"{condition_summary.condition.name}{bound} ({total.successes}/{total.episodes})")
         middles = [(top + bottom) / 2 for top, bottom in itertools.pairwise(tops)]
         axes.set_yticks(middles, [shown(row, 24) for row in rows])

@@ -1,5 +1,6 @@
 """Furthest stage of the episodes, one bar per condition."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 from vsnbench.protocol.course import Stage
@@ -8,6 +9,7 @@ from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.summary import ConditionSummary, Results
 from vsnbench.report.figures.style import INK, SUCCESS, Drawing, in_pages, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
+from vsnbench.report.tables.success import SUMMARY
 
 MAX_BARS = 20
 """Bars per figure."""
@@ -48,8 +50,8 @@ def _drawing(bars: Sequence[_Bar]) -> Drawing:
                 width = 100 * times / whole
                 axes.barh(place, width, left=left, height=0.62, color=color, hatch=hatch, edgecolor=INK, linewidth=0.4)
                 left += width
-            if summary.total.progress_episodes:
-                axes.plot(100 * summary.total.progress, place, marker="D", color=INK, markersize=3.5, linestyle="none")
+            if math.isfinite(progress := SUMMARY.named("progress").value(summary.total)):
+                axes.plot(100 * progress, place, marker="D", color=INK, markersize=3.5, linestyle="none")
         axes.set_yticks(range(len(bars)), [shown(summary.condition.name, 40) for summary, _ in bars])
         axes.set_ylim(len(bars) - 0.45, -0.55)
         axes.set_xlim(0, 100)

@@ -5,8 +5,9 @@ import io
 from collections.abc import Iterator
 from typing import Any
 
-from vsnbench.report.analysis.fields import condition_fields, summary_fields
+from vsnbench.report.analysis.fields import condition_fields
 from vsnbench.report.analysis.summary import Results
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.text.sanitize import sanitize
 
 
@@ -34,11 +35,11 @@ def _lines(results: Results) -> Iterator[dict[str, Any]]:
             "differing": ", ".join(summary.condition.differing),
             "shared_goals": " ".join(summary.shared_goals),
         }
-        for goal in summary.goals:
-            yield {**condition, "goal": goal.goal, **summary_fields(goal.summary)}
-        yield {**condition, "goal": "total", **summary_fields(summary.total)}
+        for group in summary.goals:
+            yield {**condition, "goal": group.goal, **SUMMARY.fields(group)}
+        yield {**condition, "goal": "total", **SUMMARY.fields(summary.total)}
         if summary.shared:
-            yield {**condition, "goal": "total of shared goals", **summary_fields(summary.shared)}
+            yield {**condition, "goal": "total of shared goals", **SUMMARY.fields(summary.shared)}
 
 
 def _guarded(value: object) -> object:

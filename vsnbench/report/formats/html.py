@@ -13,12 +13,13 @@ from markupsafe import Markup, escape
 
 from vsnbench import __version__
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.summary import ConditionSummary, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group
 from vsnbench.report.build import Report
 from vsnbench.report.figures.frame_strips import frame_strip
 from vsnbench.report.figures.style import Drawing
+from vsnbench.report.table import ReportTable, decimal, footnotes_of, goal_distance, row
 from vsnbench.report.tables.headline import headlines
-from vsnbench.report.tables.report_table import ReportTable, decimal, footnotes_of, goal_distance, row
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.report.wording import listed
 from vsnbench.results.reading.read_model import COUNTED
 from vsnbench.text.sanitize import sanitize
@@ -128,8 +129,8 @@ def _cards(members: Sequence[ConditionSummary], everyone: Sequence[ConditionSumm
     """Return the cards of a group; each names its goals if they differ between conditions."""
     alike = headlines(everyone).label == "all"
     return [
-        _card(summary, headline.summary, () if alike else headline.goals)
-        for summary, headline in zip(members, headlines(members).by_condition, strict=True)
+        _card(summary, total, () if alike else goals)
+        for summary, (goals, total) in zip(members, headlines(members).by_condition, strict=True)
     ]
 
 
@@ -167,7 +168,7 @@ def page_part(name: str) -> str:
     return resources.files("vsnbench.report.formats").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def _card(summary: ConditionSummary, total: Summary, goals: Sequence[str] = ()) -> _Values:
+def _card(summary: ConditionSummary, total: Group, goals: Sequence[str] = ()) -> _Values:
     """Return the card of a condition over `total`, with the names of these goals."""
     interval = total.interval
     known = total.episodes > 0
@@ -177,8 +178,8 @@ def _card(summary: ConditionSummary, total: Summary, goals: Sequence[str] = ()) 
     words = f"{total.successes}/{total.episodes} episodes, {total.episodes}/{total.planned} trials completed"
     if goals:
         words = f"{sanitize(listed(goals))}: {words}"
-    if total.void:
-        words += f", {total.void} void"
+    if void := SUMMARY.named("void").value(total):
+        words += f", {void} void"
     if total.repeats:
         words += f"; {total.repeats}"
     return {

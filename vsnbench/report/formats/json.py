@@ -10,7 +10,7 @@ from vsnbench.report.analysis.activity import Activity, RobotActivity
 from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import Failures
-from vsnbench.report.analysis.fields import condition_fields, summary_fields
+from vsnbench.report.analysis.fields import condition_fields
 from vsnbench.report.analysis.judgements import Judgements, RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
 from vsnbench.report.analysis.published import published
@@ -24,9 +24,11 @@ from vsnbench.report.formats.sensitivity_json import (
     sensitivity_fields,
     sim_vs_real_fields,
 )
+from vsnbench.report.tables.activity import ENDS, end_counts
 from vsnbench.report.tables.comparison import comparison_fields, ranking_fields
 from vsnbench.report.tables.operators import operator_fields
 from vsnbench.report.tables.second_judgements import second_judgement_fields
+from vsnbench.report.tables.success import GROUP
 
 _Counts = TypeVar("_Counts", Failures, Judgements, CourseSummary)
 
@@ -91,15 +93,13 @@ def model_fields(summary: ConditionSummary, activity: Activity | None, record: R
         "settings": known(dict(condition.settings)),
         "protocol": known(dict(condition.protocol)),
         "conditions": known(dict(condition.conditions)),
-        "goals": [
-            {"goal": goal.goal, "kind": goal.kind.value, **summary_fields(goal.summary)} for goal in summary.goals
-        ],
-        "goal_kinds": [{"kind": kind.value, **summary_fields(total)} for kind, total in summary.kinds.items()],
-        "total": summary_fields(summary.total),
+        "goals": [GROUP.fields(group) for group in summary.goals],
+        "goal_kinds": [GROUP.fields(group) for group in summary.kinds],
+        "total": GROUP.fields(summary.total),
         "shared_goals": list(summary.shared_goals),
-        "total_shared_goals": summary_fields(summary.shared) if summary.shared else None,
-        "starts": [{"start": start, **summary_fields(mine)} for start, mine in summary.starts.items()],
-        "end_reasons": [asdict(end) for end in summary.ends],
+        "total_shared_goals": GROUP.fields(summary.shared) if summary.shared else None,
+        "starts": [GROUP.fields(group) for group in summary.starts],
+        "end_reasons": [ENDS.fields(row) for row in end_counts(summary)],
         "actions": [
             {"raw_action": usage.raw_action, "action": usage.action, "blocked": usage.blocked, "steps": usage.steps}
             for usage in counts.actions

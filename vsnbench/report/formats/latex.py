@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from vsnbench.report.tables.report_table import ReportTable, fitted, footnotes_of
+from vsnbench.report.table import ReportTable, fitted, footnotes_of
 from vsnbench.text.sanitize import sanitize
 
 PREAMBLE = r"""% \usepackage[T1]{fontenc}

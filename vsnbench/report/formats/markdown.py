@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from vsnbench.report.tables.report_table import Cell, ReportTable, Row, footnotes_of
+from vsnbench.report.table import Cell, ReportTable, Row, footnotes_of
 from vsnbench.text.sanitize import sanitize
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, percent, row
+from vsnbench.report.table import Column, ReportTable, decimal, percent, row
 from vsnbench.study.file import StudyFile
 from vsnbench.study.power import decided_studies, pairs_of, unit_differences
 

@@ -7,7 +7,7 @@ from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import goal_title
 from vsnbench.report.study.findings import StudyFindings
 from vsnbench.report.study.primary import Answer
-from vsnbench.report.tables.report_table import UNKNOWN, Cell, Column, ReportTable, Row, of, percent, row
+from vsnbench.report.table import UNKNOWN, Cell, Column, ReportTable, Row, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import MIN_UNITS

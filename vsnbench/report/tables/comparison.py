@@ -9,7 +9,7 @@ from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.comparison.compare import ALL, SHARED, Comparison, RateComparison
 from vsnbench.report.comparison.ranking import Ranking
 from vsnbench.report.comparison.verdicts import verdicts
-from vsnbench.report.tables.report_table import (
+from vsnbench.report.table import (
     EMPTY,
     Cell,
     Column,

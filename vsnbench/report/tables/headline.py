@@ -3,24 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vsnbench.report.analysis.summary import ConditionSummary, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group
 from vsnbench.report.wording import listed
-
-
-@dataclass(frozen=True, slots=True)
-class Headline:
-    """The representative rate of a condition."""
-
-    goals: tuple[str, ...]
-    summary: Summary
 
 
 @dataclass(frozen=True, slots=True)
 class Headlines:
     """The representative rate of each of several conditions, and the goals they cover."""
 
-    by_condition: tuple[Headline, ...]
-    """In the order of the conditions."""
+    by_condition: tuple[tuple[tuple[str, ...], Group], ...]
+    """Goals and representative group of each condition, in their order."""
     label: str
     """Heading of the column: `all`, `shared` or `own goals`."""
     description: str
@@ -33,15 +25,13 @@ def headlines(conditions: Sequence[ConditionSummary]) -> Headlines:
     Conditions with the same goals use all of them, others the goals shared with their competitors. If these differ
     between conditions, each uses its own goals.
     """
-    own = [tuple(goal.goal for goal in summary.goals) for summary in conditions]
-    if len(set(own)) <= 1:
-        found = tuple(Headline(goals, summary.total) for goals, summary in zip(own, conditions, strict=True))
-        return Headlines(found, "all", "all goals")
-    found = tuple(
-        Headline(summary.shared_goals, summary.shared) if summary.shared else Headline(goals, summary.total)
-        for goals, summary in zip(own, conditions, strict=True)
+    own = tuple((summary.own_goals, summary.total) for summary in conditions)
+    if len({goals for goals, _ in own}) <= 1:
+        return Headlines(own, "all", "all goals")
+    shared = tuple(
+        (summary.shared_goals, summary.shared) if summary.shared else (summary.own_goals, summary.total)
+        for summary in conditions
     )
-    if len({headline.goals for headline in found}) == 1:
-        return Headlines(found, "shared", f"the shared goals ({listed(found[0].goals)})")
-    found = tuple(Headline(goals, summary.total) for goals, summary in zip(own, conditions, strict=True))
-    return Headlines(found, "own goals", "each model's own goals")
+    if len({goals for goals, _ in shared}) == 1:
+        return Headlines(shared, "shared", f"the shared goals ({listed(shared[0][0])})")
+    return Headlines(own, "own goals", "each model's own goals")

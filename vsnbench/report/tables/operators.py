@@ -8,7 +8,7 @@ from typing import Any
 
 from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.operators import OperatorActivity
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, of, p_cell, percent, rate_cells, row
+from vsnbench.report.table import Column, ReportTable, decimal, of, p_cell, percent, rate_cells, row
 from vsnbench.statistics.clustered import rate_interval
 
 

@@ -11,9 +11,11 @@ from vsnbench.report.analysis.courses import CourseSummary, site_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailurePlace
 from vsnbench.report.analysis.summary import Results
-from vsnbench.report.tables.report_table import Cell, Column, ReportTable, decimal, row, without_empty_columns
+from vsnbench.report.table import Cell, Column, ReportTable, decimal, row, without_empty_columns
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.sites.site import Site
 
+_OF_TOTAL = ("progress", "progress_episodes", "mean_driving_s", "mean_thinking_s")
 MAX_PLACES = 20
 """Places of failures per condition, on the map and in the table."""
 
@@ -29,16 +31,17 @@ def _measures(results: Results, courses: Sequence[CourseSummary]) -> ReportTable
     rows, notes = [], []
     for course in courses:
         summary, stages = by_number[course.condition], dict(course.stages)
+        total = {key: SUMMARY.named(key).value(summary.total) for key in _OF_TOTAL}
         rows.append(
             row(
                 summary.condition.name,
-                decimal(summary.total.progress, 3),
+                decimal(total["progress"], 3),
                 *(stages.get(stage, 0) if stages else None for stage in Stage),
                 decimal(course.clearance_min_m, 2),
                 decimal(course.clearance_p5_m, 2),
                 decimal(course.heading_change_deg_per_m, 0),
-                decimal(summary.total.mean_driving_s, 1),
-                decimal(summary.total.mean_thinking_s, 1),
+                decimal(total["mean_driving_s"], 1),
+                decimal(total["mean_thinking_s"], 1),
             )
         )
         if course.examined < course.counted:
@@ -46,9 +49,9 @@ def _measures(results: Results, courses: Sequence[CourseSummary]) -> ReportTable
                 f"{summary.condition.name}: stages, clearance and heading change are of {course.examined} of "
                 f"{course.counted} episodes, evenly sampled."
             )
-        if summary.total.progress_episodes < summary.total.episodes:
+        if total["progress_episodes"] < summary.total.episodes:
             notes.append(
-                f"{summary.condition.name}: progress is known for {summary.total.progress_episodes} of "
+                f"{summary.condition.name}: progress is known for {total['progress_episodes']} of "
                 f"{summary.total.episodes} episodes."
             )
     stage_notes = {

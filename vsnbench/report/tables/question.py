@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.question import Question
+from vsnbench.report.table import Column, ReportTable, decimal, interval_percent, of, p_cell, row
 from vsnbench.report.tables.comparison import ranking_table
-from vsnbench.report.tables.report_table import Column, ReportTable, decimal, interval_percent, of, p_cell, row
 
 
 def question_tables(questions: Sequence[Question]) -> list[ReportTable]:

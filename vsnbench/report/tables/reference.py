@@ -3,10 +3,9 @@
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import empty_report_data, goal_order
 from vsnbench.report.analysis.published import PAPER_INTERVALS, published, published_results
-from vsnbench.report.analysis.summary import ConditionSummary, GoalSummary, Results, Summary
+from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
 from vsnbench.report.comparison.compare import Comparison, compare, over_goals
-from vsnbench.report.tables.comparison import comparison_tables
-from vsnbench.report.tables.report_table import (
+from vsnbench.report.table import (
     EMPTY,
     Column,
     ReportTable,
@@ -17,7 +16,8 @@ from vsnbench.report.tables.report_table import (
     row,
     without_empty_columns,
 )
-from vsnbench.report.tables.success import goal_table
+from vsnbench.report.tables.comparison import comparison_tables
+from vsnbench.report.tables.success import SUMMARY, goal_table
 from vsnbench.report.wording import listed
 from vsnbench.statistics.clustered import independent_difference
 
@@ -57,18 +57,15 @@ def paper_comparison_table(results: Results) -> ReportTable:
     """Return success rates by goal next to the paper's, with the difference for the paper's models."""
     paper = published_results()
     everyone = [*results.conditions, *paper.conditions]
-    goals = list(dict.fromkeys(goal.goal for condition_summary in everyone for goal in condition_summary.goals))
+    goals = list(dict.fromkeys(goal for condition_summary in everyone for goal in condition_summary.own_goals))
     rows = [
-        _goal_row(goal, condition_summary, summary, paper)
+        _goal_row(goal, condition_summary, group, paper)
         for goal in goals
         for condition_summary in everyone
-        for summary in condition_summary.goals
-        if summary.goal == goal
+        for group in condition_summary.goals
+        if group.goal == goal
     ]
-    rows += [
-        _goal_row("all", condition_summary, GoalSummary("all", condition_summary.total), paper)
-        for condition_summary in everyone
-    ]
+    rows += [_goal_row("all", condition_summary, condition_summary.total, paper) for condition_summary in everyone]
     rows += _on_shared_goals(results, paper)
     return without_empty_columns(
         ReportTable(
@@ -92,17 +89,16 @@ def paper_comparison_table(results: Results) -> ReportTable:
     )
 
 
-def _goal_row(goal: str, condition_summary: ConditionSummary, summary: GoalSummary, paper: Results) -> Row:
-    mine = summary.summary
+def _goal_row(goal: str, condition_summary: ConditionSummary, mine: Group, paper: Results) -> Row:
     theirs = None
     if not condition_summary.condition.published and (other := _of_paper(condition_summary, paper)):
-        theirs = next((goal_summary.summary for goal_summary in other.goals if goal_summary.goal == goal), None)
+        theirs = next((group for group in other.goals if group.goal == goal), None)
         if goal == "all" and _goals(condition_summary) == _goals(other):
             theirs = other.total
     return _row(goal, condition_summary, mine, theirs, total=goal == "all")
 
 
-def _row(goal: str, condition_summary: ConditionSummary, mine: Summary, theirs: Summary | None, *, total: bool) -> Row:
+def _row(goal: str, condition_summary: ConditionSummary, mine: Group, theirs: Group | None, *, total: bool) -> Row:
     difference = (EMPTY, EMPTY)
     if theirs and mine.episodes:
         interval = independent_difference(mine.outcomes, theirs.outcomes)
@@ -110,7 +106,7 @@ def _row(goal: str, condition_summary: ConditionSummary, mine: Summary, theirs: 
             decimal(100 * (mine.success_rate - theirs.success_rate), 2),
             interval_percent(interval),
         )
-    actions = float("nan") if goal.startswith("shared: ") else mine.mean_actions
+    actions = float("nan") if goal.startswith("shared: ") else SUMMARY.named("mean_actions").value(mine)
     return row(
         goal,
         condition_summary.condition.name,
@@ -142,7 +138,7 @@ def _of_paper(summary: ConditionSummary, paper: Results) -> ConditionSummary | N
 
 
 def _goals(summary: ConditionSummary) -> list[str]:
-    return sorted((goal.goal for goal in summary.goals), key=goal_order)
+    return sorted(summary.own_goals, key=goal_order)
 
 
 def _real_against_virtual(results: Results) -> ReportTable:

@@ -5,7 +5,7 @@ from typing import Any
 
 from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.judgements import RaterAgreement
-from vsnbench.report.tables.report_table import Cell, Column, ReportTable, decimal, interval_cell, percent, row
+from vsnbench.report.table import Cell, Column, ReportTable, decimal, interval_cell, percent, row
 from vsnbench.results.second_judgements import Outcome
 
 

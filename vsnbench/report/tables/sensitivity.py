@@ -16,7 +16,7 @@ from vsnbench.report.analysis.sensitivity import (
     spread_between,
 )
 from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.tables.report_table import EMPTY, Column, ReportTable, Row, interval_percent, of, percent, row
+from vsnbench.report.table import EMPTY, Column, ReportTable, Row, interval_percent, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.text.sanitize import sanitize
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
-from vsnbench.report.tables.report_table import (
+from vsnbench.report.table import (
     EMPTY,
     Column,
     ReportTable,

@@ -5,10 +5,10 @@ from dataclasses import asdict
 from typing import Any
 
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.fields import condition_fields, finite, interval_fields, summary_fields
+from vsnbench.report.analysis.fields import condition_fields, finite, interval_fields
 from vsnbench.report.comparison.effects import EffectComparison
 from vsnbench.report.comparison.stress import Harm, Loss, StressedModel
-from vsnbench.report.tables.report_table import (
+from vsnbench.report.table import (
     EMPTY,
     Column,
     ReportTable,
@@ -21,6 +21,7 @@ from vsnbench.report.tables.report_table import (
     row,
     without_empty_columns,
 )
+from vsnbench.report.tables.success import GROUP
 from vsnbench.statistics.conclusion import Conclusion
 
 
@@ -61,7 +62,7 @@ def stress_fields(models: Sequence[StressedModel]) -> list[dict[str, Any]]:
         {
             **condition_fields(model.undisturbed.condition),
             "campaigns": list(model.undisturbed.condition.campaigns),
-            "undisturbed": summary_fields(model.undisturbed.total),
+            "undisturbed": GROUP.fields(model.undisturbed.total),
             "unseen": list(model.unseen),
             "disturbances": [_loss_fields(loss) for loss in model.losses],
             "most_harmful": [

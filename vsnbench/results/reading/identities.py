@@ -11,7 +11,7 @@ from sqlalchemy import Connection, Select, select
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.tables import Campaign, Goal, Model, Robot, Site
-from vsnbench.results.writing.campaigns import ModelIdentity, content_sha256
+from vsnbench.results.writing.campaigns import card_of_row, content_sha256, model_sha256
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.sites.site import Site as SurveyedSite
 from vsnbench.values.robot_identity import RobotIdentity
@@ -85,7 +85,7 @@ def _robot(row: Any) -> Iterator[RowFault | str]:
 
 
 def _model(row: Any) -> Iterator[RowFault | str]:
-    if ModelIdentity.of_row(row).sha256 != row.sha256:
+    if model_sha256(card_of_row(row)) != row.sha256:
         yield RowFault("model", row.id, "sha256", "name, weights, settings, files and code have another hash")
 
 

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any, Self
+from typing import Any
 
 from sqlalchemy import Connection, func, select
 
@@ -19,6 +19,7 @@ from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.row_encoding import Row, find_or_insert, insert_if_absent, text
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState
 from vsnbench.sites.site import Site
+from vsnbench.values.model.card import ModelCard
 from vsnbench.values.robot_identity import RobotIdentity
 
 
@@ -27,36 +28,19 @@ def content_sha256(content: object) -> str:
     return hashlib.sha256(to_json(content, in_order=True).encode()).hexdigest()
 
 
-@dataclass(frozen=True, slots=True)
-class ModelIdentity:
-    """A policy with the weights and settings that results depend on."""
+def model_sha256(card: ModelCard) -> str:
+    """Return the hash that identifies a model: of name, weights, settings, files and code."""
+    return content_sha256(card.identity)
 
-    name: str
-    goals: frozenset[str] | None = None
-    sensors: frozenset[str] = frozenset()
-    weights_sha256: str = ""
-    weights_label: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    surveyed: bool = False
-    """The model has access to the site file."""
-    files: Mapping[str, str] = field(default_factory=dict)
-    """SHA-256 of the files given to the model, by option."""
-    code: Mapping[str, str] = field(default_factory=dict)
-    """Class, source hash, package version and commit of a user's policy."""
 
-    @classmethod
-    def of_row(cls, row: Any) -> Self:
-        """Return the model of a row of the table `model`."""
-        names = ("name", "weights_sha256", "weights_label", "settings", "surveyed", "files", "code")
-        return cls(**{name: getattr(row, name) for name in names})
+def card_of_row(row: Any) -> ModelCard:
+    """Return the part of a recorded model's card that identifies it, from a row of the table `model`.
 
-    @property
-    def sha256(self) -> str:
-        """Hash of name, weights, settings, files and code."""
-        content = [self.name, self.weights_sha256, dict(self.settings), self.surveyed]
-        # Commits that do not change the source do not change the model.
-        code = {name: value for name, value in self.code.items() if name != "commit"}
-        return content_sha256([*content, dict(self.files), code] if self.files or code else content)
+    Raises:
+        ValueError: the content of the row is invalid.
+    """
+    names = ("name", "weights_sha256", "weights_label", "settings", "surveyed", "files", "code")
+    return ModelCard(**{name: getattr(row, name) for name in names})
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +68,7 @@ class CampaignPlan:
 
     site: Site
     robot: RobotIdentity
-    model: ModelIdentity
+    model: ModelCard
     protocol: ProtocolParameters
     seed: int
     trials: Sequence[PlannedTrial]
@@ -108,7 +92,7 @@ class CampaignPlan:
     @property
     def key(self) -> str:
         """Hash of the condition and the seed, without the trials."""
-        parts = [self.site.sha256, self.robot.sha256, self.model.sha256, self.protocol_sha256]
+        parts = [self.site.sha256, self.robot.sha256, model_sha256(self.model), self.protocol_sha256]
         return content_sha256([*parts, dict(self.conditions), self.seed])
 
 
@@ -281,19 +265,15 @@ def robot_row(robot: RobotIdentity) -> Row:
     }
 
 
-def model_row(model: ModelIdentity) -> Row:
+def model_row(model: ModelCard) -> Row:
     """Return the row of a model."""
+    columns = ("weights_sha256", "files", "code", "settings", "goals", "sensors", "surveyed")
+    values = model.as_json()
     return {
-        "sha256": model.sha256,
+        "sha256": model_sha256(model),
         "name": text(model.name),
-        "weights_sha256": model.weights_sha256,
         "weights_label": text(model.weights_label),
-        "files": dict(model.files),
-        "code": dict(model.code),
-        "settings": dict(model.settings),
-        "goals": None if model.goals is None else sorted(model.goals),
-        "sensors": sorted(model.sensors),
-        "surveyed": model.surveyed,
+        **{column: values[column] for column in columns},
     }
 
 

@@ -23,7 +23,6 @@ from vsnbench.results.writing import imports
 from vsnbench.results.writing.campaigns import (
     CampaignPlan,
     CampaignProgress,
-    ModelIdentity,
     OpenCampaign,
     campaign_progress,
     find_or_create,
@@ -36,6 +35,7 @@ from vsnbench.results.writing.provenance import Provenance, gather_provenance, t
 from vsnbench.results.writing.recovery import interrupted, orphaned_episodes, orphaned_sessions, recover_one
 from vsnbench.results.writing.remote_episodes import BundledRows, store_bundle
 from vsnbench.results.writing.sessions import end_orphaned_session, end_sessions, join_session
+from vsnbench.values.model.card import ModelCard
 
 
 class Journal(EpisodeWriter):
@@ -100,7 +100,7 @@ class Journal(EpisodeWriter):
         with transaction(reading(self.engine)) as connection:
             return campaign_progress(connection, campaign, self._process_id)
 
-    def model_change(self, campaign: OpenCampaign, model: ModelIdentity) -> str:
+    def model_change(self, campaign: OpenCampaign, model: ModelCard) -> str:
         """Return the differences of a new campaign's model from the last one of that name, or an empty string."""
         if campaign.resumed:
             return ""

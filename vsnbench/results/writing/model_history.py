@@ -5,10 +5,11 @@ from typing import Any
 
 from sqlalchemy import Connection, select
 
-from vsnbench.results.reading.blinding import CODE
+from vsnbench.results.reading.read_model import CODE
 from vsnbench.results.schema.tables import Campaign, Model
-from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.results.writing.campaigns import card_of_row
 from vsnbench.text.sanitize import sanitize
+from vsnbench.values.model.card import ModelCard
 
 _SHOWN_CHARACTERS = 41
 """Length of a displayed hash."""
@@ -16,7 +17,7 @@ _HASH_CHARACTERS = 12
 _HASHES = frozenset({"weights", "sha256"})
 
 
-def differences(old: ModelIdentity, new: ModelIdentity) -> tuple[str, ...]:
+def differences(old: ModelCard, new: ModelCard) -> tuple[str, ...]:
     """Return the differences between two models of the same name."""
     found = _changed("", {"weights": old.weights_sha256}, {"weights": new.weights_sha256})
     found += _changed("file --", old.files, new.files, hashes=True)
@@ -27,7 +28,7 @@ def differences(old: ModelIdentity, new: ModelIdentity) -> tuple[str, ...]:
     return tuple(found)
 
 
-def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelIdentity] | None:
+def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelCard] | None:
     """Return the newest earlier campaign of a model of this name, and its model; None if there is none."""
     row = connection.execute(
         select(Model.__table__, Campaign.id.label("campaign_id"))
@@ -36,7 +37,7 @@ def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tup
         .order_by(Campaign.id.desc())
         .limit(1)
     ).first()
-    return None if row is None else (row.campaign_id, ModelIdentity.of_row(row))
+    return None if row is None else (row.campaign_id, card_of_row(row))
 
 
 def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any], *, hashes: bool = False) -> list[str]:

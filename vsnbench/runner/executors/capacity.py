@@ -30,22 +30,11 @@ class WorkerOptions:
     """Options of the command line about workers."""
 
     count: int | None = 1
-    """None chooses the number from cores and memory."""
-    cluster: str = ""
-    """`ray://host:port`; empty for this machine."""
+    """Maximum number of trials at once; None chooses from cores and memory, or takes a cluster's cores."""
+    cluster: ClusterAddress | None = None
+    """None for this machine."""
     gpus_each: float = 0.0
     """Share of a GPU that each worker of a cluster holds."""
-
-
-@dataclass(frozen=True, slots=True)
-class ClusterRequest:
-    """Workers requested from a cluster."""
-
-    address: ClusterAddress
-    workers: int | None
-    """Maximum number of trials at once; None for the number of cores."""
-    gpus_each: float
-    """Share of a GPU that each worker holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,15 +75,15 @@ class Capacity:
     def summary(self, workers: int, measured: Prepared) -> str:
         """Return the number of workers and what it was chosen from."""
         cores = counted(self.cores, "core")
-        if measured.sessions is not None:
-            cores += f", {measured.sessions} sessions of the model's server"
+        if measured.description.sessions is not None:
+            cores += f", {measured.description.sessions} sessions of the model's server"
         text = (
             f"{counted(workers, 'worker')}: {cores}, {self.free_bytes / GIB:.1f} GiB free; "
             f"one takes about {worker_bytes(measured) / GIB:.1f} GiB"
         )
         if gpu := measured.gpu:
             return f"{text} and {gpu.taken_bytes / GIB:.1f} of the GPU's {gpu.total_bytes / GIB:.1f} GiB"
-        unknown = measured.description.on_gpu and measured.sessions is None
+        unknown = measured.description.on_gpu and measured.description.sessions is None
         return f"{text}; the model is on a GPU whose memory is not known" if unknown else text
 
 
@@ -123,11 +112,12 @@ def choose_count(request: WorkerRequest, capacity: Capacity, measured: Prepared,
     Raises:
         UsageError: the requested number does not fit into memory, or exceeds the sessions of the model's server.
     """
-    request = _within_sessions(request, measured.sessions)
+    described = measured.description
+    request = _within_sessions(request, described.sessions)
     one_bytes, gpu = worker_bytes(measured), measured.gpu
     fitting = max(1, capacity.free_bytes // one_bytes)
     fitting_on_gpu = fitting if gpu is None else started + gpu.free_bytes // gpu.taken_bytes
-    if gpu is None and measured.sessions is None and not request.is_explicit and measured.description.on_gpu:
+    if gpu is None and described.sessions is None and not request.is_explicit and described.on_gpu:
         return 1
     if request.limit <= min(fitting, fitting_on_gpu):
         return request.limit
@@ -164,8 +154,8 @@ def _within_sessions(request: WorkerRequest, sessions: int | None) -> WorkerRequ
 
 def worker_request(
     options: WorkerOptions, spec: TrialSetupSpec, trials: int, *, live: bool, attended: bool = False
-) -> WorkerRequest | ClusterRequest:
-    """Return the workers to request, and where.
+) -> WorkerRequest | None:
+    """Return the workers to request on this machine; None for those of the cluster of the options.
 
     Args:
         options: options of the command line.
@@ -194,7 +184,7 @@ def worker_request(
             f"{several}: {single}", advice=f"leave {several.split(maxsplit=1)[0]} out", code="single-worker"
         )
     if options.cluster:
-        return ClusterRequest(ClusterAddress.parse(options.cluster), options.count, options.gpus_each)
+        return None
     if single:
         return WorkerRequest(1, is_explicit=False)
     request = local_request(options.count, trials, Capacity.of_this_machine())

@@ -5,10 +5,9 @@ Each trial is recorded once: a claim belongs to this driver alone, and the first
 
 import logging
 import shutil
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
 from pathlib import Path
 
 from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError
@@ -18,22 +17,14 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
-from vsnbench.results.writing.lifecycle import LEASE
-from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored, PoolEvent, TrialPool, WorkerLost
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle
+from vsnbench.runner.executors.leases import leases_renewed
+from vsnbench.runner.executors.pool import TrialPool
+from vsnbench.runner.loop.contract import ActionsTaken, EpisodeEnded, LoopEvent, Session, TrialReturned
 from vsnbench.runner.setup.trial_setup import SetupDescription
 from vsnbench.runner.stopping.requests import StopRequest
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class TaskLost:
-    """A task that ended without an episode."""
-
-    trial: Trial
-    cause: str
 
 
 class TaskRunner(ABC):
@@ -54,8 +45,10 @@ class TaskRunner(ABC):
         """Have a trial run."""
 
     @abstractmethod
-    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TrialReturned]:
         """Return finished tasks as soon as there is one, or nothing after the timeout.
+
+        A task that ended without an episode is its trial and the cause.
 
         Raises:
             VsnbenchError: a failure that every worker would repeat.
@@ -74,9 +67,12 @@ class MergingPool(TrialPool):
         self._runner = runner
         self._claims: dict[int, Claim] = {}
         """Claims of the running tasks, by trial ID."""
-        self._recording: RecordingOptions | None = None
-        self._journal: Journal | None = None
-        self._over = threading.Event()
+        self._renewing = ExitStack()
+
+    def session_begins(self, session: Session) -> None:
+        """Run the trials of this session from now on, and keep their claims."""
+        super().session_begins(session)
+        self._renewing.enter_context(leases_renewed(session.journal, self._claims.values()))
 
     @property
     def free(self) -> int:
@@ -88,67 +84,56 @@ class MergingPool(TrialPool):
         """Number of trials that are running."""
         return len(self._claims)
 
-    def begin(self, journal: Journal, trial: Trial, recording: RecordingOptions) -> None:
+    def begin(self, trial: Trial) -> bool:
         """Claim a trial and have it run, unless another process has claimed it."""
-        if self._journal is None:
-            self._journal, self._recording = journal, recording
-            threading.Thread(target=self._renew, args=(journal,), name="claims", daemon=True).start()
-        claim = journal.claim_next(trial.campaign_id, [trial.id])
+        claim = self.session.journal.claim_next(trial.campaign_id, [trial.id])
         if claim is not None:
             self._claims[trial.id] = claim
             self._runner.submit(trial, claim.seed)
+        return True
 
-    def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+    def reports(self, timeout_s: float) -> Sequence[LoopEvent]:
         """Store what has returned, and report it."""
-        happened: list[PoolEvent] = []
+        happened: list[LoopEvent] = []
         for result in self._runner.results(timeout_s):
-            claim = self._claims.pop(result.trial.id, None)
-            if claim is None or self._journal is None or self._recording is None:
+            claim = self._claims.pop(result.trial.id, None) if result.trial is not None else None
+            if claim is None:
                 continue  # its claim was released
-            if isinstance(result, TaskLost):
-                self._journal.release(claim.id)
-                happened.append(WorkerLost(result.trial, result.cause))
+            journal = self.session.journal
+            if isinstance(result, TrialReturned):
+                journal.release(claim.id)
+                happened.append(result)
                 continue
             if difference := self.description.difference(result.description):
-                self._journal.release(claim.id)
+                journal.release(claim.id)
                 raise VsnbenchError(
                     f"the worker on {result.host} differs from the campaign: {difference}",
                     advice="install the same vsnbench and the same model on every node",
                     code="worker-differs",
                 )
             try:
-                store_bundle(self._journal, self._recording.results, claim, result)
+                store_bundle(journal, self.session.recording.results, claim, result)
             except EpisodeClosedError as closed:
                 logger.warning("%s", closed)
                 continue
-            happened.append(ActionsTaken(result.outcome.actions))
-            happened.append(EpisodeStored(claim.id, result.trial, result.outcome))
+            happened += ActionsTaken(result.outcome.actions), EpisodeEnded(claim, result.outcome)
         return happened
 
     def stop(self, request: StopRequest) -> None:
         """Cancel all tasks. Episodes that have not returned are not recorded, and their trials are left."""
         del request
-        self.kill()
+        self.halt()
 
-    def kill(self) -> None:
+    def halt(self) -> None:
         """Cancel all tasks and release their claims."""
-        self._over.set()
+        self._renewing.close()
         self._runner.cancel()
-        while self._claims and self._journal is not None:
+        while self._claims:
             _, claim = self._claims.popitem()
             try:
-                self._journal.release(claim.id)
+                self.session.journal.release(claim.id)
             except RecordError as error:
                 logger.warning("episode %d: %s", claim.id, error)
-
-    def _renew(self, journal: Journal) -> None:
-        """Renew the leases of the claims while their tasks run."""
-        while not self._over.wait(LEASE.total_seconds() / 3):
-            for claim in list(self._claims.values()):
-                try:
-                    journal.renew(claim.id)
-                except RecordError as error:
-                    logger.warning("episode %d: %s", claim.id, error)
 
 
 def store_bundle(journal: Journal, results: ResultsDirectory, claim: Claim, bundle: EpisodeBundle) -> None:

@@ -1,28 +1,26 @@
 """Runs trials in this process, one at a time, with the operator present or absent."""
 
 import logging
-import threading
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError
+from vsnbench.errors import EpisodeClosedError, VsnbenchError
 from vsnbench.models.contract import Policy
 from vsnbench.protocol.judge import EndReason, judge
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
-from vsnbench.results.writing.journal import Journal
-from vsnbench.results.writing.lifecycle import LEASE
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.episode.episode import EpisodeOutcome, StoppedInEpisodeError, run_episode
 from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut
-from vsnbench.runner.episode.step import EpisodePlan
-from vsnbench.runner.loop.contract import EpisodeFinished, LoopEvent, ScheduledTrial, TrialExecutor, TrialSkipped
+from vsnbench.runner.executors.leases import leases_renewed
+from vsnbench.runner.loop.contract import EpisodeEnded, LoopEvent, Session, TrialExecutor, TrialReturned
 from vsnbench.runner.loop.recorded_operator import RecordedOperator
-from vsnbench.runner.loop.session_context import SessionContext
 from vsnbench.runner.operator.contract import EndedEpisode, TrialSkippedError, Upcoming
+from vsnbench.runner.setup.trial_setup import TrialSetup
 from vsnbench.text.sanitize import counted
+from vsnbench.values.battery import Battery
+from vsnbench.values.robot_identity import RobotIdentity
 
 logger = logging.getLogger(__name__)
 
@@ -36,129 +34,115 @@ class DrivingModel:
     """Name as people may see it: the arm's code in a blind study."""
 
 
-class ModelProvider(ABC):
-    """Provides the model of each trial."""
-
-    @abstractmethod
-    def take(self, model: str) -> DrivingModel:
-        """Return a model, loaded if necessary.
-
-        Raises:
-            VsnbenchError: the model cannot be loaded.
-        """
-
-    def drop(self, model: str) -> None:
-        """Load the model again before its next trial. Default: nothing."""
-
-
-class SingleModel(ModelProvider):
-    """The only model of a campaign."""
-
-    def __init__(self, model: DrivingModel) -> None:
-        self._model = model
-
-    def take(self, model: str) -> DrivingModel:
-        """Return the model."""
-        del model
-        return self._model
-
-
 class InProcessExecutor(TrialExecutor):
     """Runs one trial at a time in the main thread of this process."""
 
-    def __init__(self, context: SessionContext, robot: Robot, models: ModelProvider) -> None:
-        self._context = context
+    def __init__(
+        self,
+        robot: Robot,
+        take: Callable[[Trial], DrivingModel],
+        drop: Callable[[Trial], object] = lambda _trial: None,
+    ) -> None:
+        """Use a robot that is ready.
+
+        Args:
+            robot: the robot.
+            take: returns the model of a trial, loaded if necessary; raises VsnbenchError if it cannot be loaded.
+            drop: has the model of a trial loaded again before its next trial.
+        """
+        self.needs_operator = robot.needs_operator
+        self.preview = robot.preview if robot.has_preview else None
         self._robot = robot
-        self._models = models
-        self._operator = RecordedOperator(context.journal, context.operator, context.recording.operator_name)
-        self._pending: tuple[ScheduledTrial, Claim] | None = None
-        if context.operator.is_present:
-            robot.keep_real_time()
+        self._take = take
+        self._drop = drop
+        self._claim: Claim | None = None
+
+    @classmethod
+    def of_setup(cls, setup: TrialSetup) -> "InProcessExecutor":
+        """Return the executor of a campaign, whose only model is that of the setup."""
+        model = DrivingModel(setup.policy, setup.description.title)
+        executor = cls(setup.robot, lambda _trial: model)
+        executor.description, executor.provenance = setup.description, setup.provenance
+        return executor
+
+    @property
+    def robot(self) -> RobotIdentity:
+        """Robot of every trial."""
+        return self._robot.identity
+
+    @property
+    def battery(self) -> Battery | None:
+        """Battery of the robot's base, if it is known."""
+        return self._robot.battery
+
+    def session_begins(self, session: Session) -> None:
+        """Run the trials of this session from now on."""
+        super().session_begins(session)
+        self._operator = RecordedOperator(session)
+        if session.operator.is_present:
+            self._robot.keep_real_time()
 
     @property
     def free(self) -> int:
         """One, unless a trial has been claimed."""
-        return self._pending is None
+        return self._claim is None
 
     @property
     def busy(self) -> int:
         """One where a trial has been claimed."""
-        return self._pending is not None
+        return self._claim is not None
 
-    def begin(self, trial: ScheduledTrial) -> bool:
+    def begin(self, trial: Trial) -> bool:
         """Claim a trial; `events` runs it."""
-        claim = self._context.journal.claim_next(trial.campaign_id, [trial.trial_id])
-        self._pending = (trial, claim) if claim is not None else None
-        return claim is not None
+        self._claim = self.session.journal.claim_next(trial.campaign_id, [trial.id])
+        return self._claim is not None
 
     def events(self) -> Sequence[LoopEvent]:
         """Run the claimed trial to its end. Returns nothing where another process took this one for dead."""
-        if self._pending is None:
+        claim, self._claim = self._claim, None
+        if claim is None:
             return ()
-        (trial, claim), self._pending = self._pending, None
+        session, journal = self.session, self.session.journal
         try:
-            outcome = self._run(trial, claim)
-        except TrialSkippedError:
-            return (TrialSkipped(trial),)
-        return () if outcome is None else (EpisodeFinished(trial, outcome),)
-
-    def reload_model(self, model: str) -> None:
-        """Load a model again before its next trial."""
-        self._models.drop(model)
-
-    def _run(self, trial: ScheduledTrial, claim: Claim) -> EpisodeOutcome | None:
-        context = self._context
-        try:
-            model = self._models.take(trial.model)
+            model = self._take(claim.trial)
         except VsnbenchError as error:
-            return self._end_without_model(claim, f"could not be loaded: {error}")
+            return (EpisodeEnded(claim, self._end_without_model(claim, f"could not be loaded: {error}")),)
         except BaseException:
-            context.journal.release(claim.id)
+            journal.release(claim.id)
             raise
-        start = context.site.start(claim.trial.start)
-        plan = EpisodePlan(context.site, claim.trial.goal, start, claim.seed, context.parameters, context.disturbances)
-        robot, profile = self._robot, self._robot.identity.profile
-        recorder = EpisodeRecorderFanOut(context.journal, context.recording, profile, model.title, claim)
+        plan = session.plan(claim)
+        recorder = EpisodeRecorderFanOut(journal, session.recording, self.robot.profile, model.title, claim)
         try:
-            with _renewed(context.journal, claim):
+            with leases_renewed(journal, [claim]):
                 logger.info("episode %d: %s from start %d", claim.id, claim.trial.goal, claim.trial.start)
                 self._operator.trial_begins(Upcoming(claim.id, claim.trial.id, model.title, plan))
-                outcome = run_episode(robot, model.policy, plan, recorder, self._operator, context.stop_requests)
+                outcome = run_episode(self._robot, model.policy, plan, recorder, self._operator, session.stop_requests)
+        except TrialSkippedError:
+            return (TrialReturned(claim.trial),)
         except EpisodeClosedError as closed:
             logger.warning("%s", closed)
-            return None
+            return ()
         except StoppedInEpisodeError as stopped:
             self._operator.episode_ended(EndedEpisode(claim.id, plan, stopped.outcome), session_stopped=True)
             raise
         finally:
-            context.stop_requests.episode_is_over()
+            session.stop_requests.episode_is_over()
             recorder.close()
-            context.journal.release(claim.id)
+            journal.release(claim.id)
         actions = counted(outcome.actions, "action")
         logger.info("episode %d: ended after %s: %s", claim.id, actions, outcome.verdict.end_reason)
         self._operator.episode_ended(EndedEpisode(claim.id, plan, outcome))
-        return outcome
+        return (EpisodeEnded(claim, outcome),)
+
+    def reload_model(self, trial: Trial) -> None:
+        """Load the model of a trial again before its next trial."""
+        self._drop(trial)
+
+    def halt(self) -> None:
+        """Halt the robot at once."""
+        self._robot.halt()
 
     def _end_without_model(self, claim: Claim, error: str) -> EpisodeOutcome:
-        verdict = judge(EndReason.MODEL_ERROR, 0, None, self._context.parameters)
-        self._context.journal.end_episode(claim.id, EpisodeEnd(EndReason.MODEL_ERROR, 0, verdict, error=error))
+        verdict = judge(EndReason.MODEL_ERROR, 0, None, self.session.parameters)
+        self.session.journal.end_episode(claim.id, EpisodeEnd(EndReason.MODEL_ERROR, 0, verdict, error=error))
         return EpisodeOutcome(verdict, 0, None, 0.0, error, began=False)
-
-
-@contextmanager
-def _renewed(journal: Journal, claim: Claim) -> Iterator[None]:
-    """Renew the lease of a claim while a person places the robot."""
-    over = threading.Event()
-
-    def renew() -> None:
-        while not over.wait(LEASE.total_seconds() / 3):
-            try:
-                journal.renew(claim.id)
-            except RecordError as error:
-                logger.warning("episode %d: %s", claim.id, error)
-
-    threading.Thread(target=renew, name="claim", daemon=True).start()
-    try:
-        yield
-    finally:
-        over.set()

@@ -15,12 +15,11 @@ from typing import Self
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
-from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.capacity import Capacity, WorkerRequest, choose_count
-from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored, PoolEvent, TrialPool, WorkerLost
-from vsnbench.runner.executors.messages import Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
+from vsnbench.runner.executors.messages import Order, Prepare, Prepared, Report, RunTrial
+from vsnbench.runner.executors.pool import TrialPool
 from vsnbench.runner.executors.process import WorkerProcess, fork_server
+from vsnbench.runner.loop.contract import ActionsTaken, LoopEvent, TrialReturned
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runner.stopping.requests import StopRequest
 
@@ -81,7 +80,7 @@ class LocalPool(TrialPool):
     def __init__(self, spec: TrialSetupSpec, request: WorkerRequest) -> None:
         """Start the workers, and measure how many fit into memory; arguments and errors as for `prepare`."""
         self._workers: list[LocalWorker] = []
-        self._events: deque[PoolEvent] = deque()
+        self._events: deque[LoopEvent] = deque()
         self._capacity = Capacity.of_this_machine()
         self._server = fork_server()
         self.prepare(spec, request)
@@ -100,7 +99,7 @@ class LocalPool(TrialPool):
                 self._end_surplus(1)
             for worker in self._workers:
                 worker.order_setup(self._order)
-            self._start(capacity.initial_count(request, spec.model_options.get("device")) - len(self._workers))
+            self._start(capacity.initial_count(request, spec.options.get("device")) - len(self._workers))
             first = self._await_first()
             self.description = first.description
             self._count = choose_count(request, capacity, first, len(self._workers))
@@ -109,7 +108,7 @@ class LocalPool(TrialPool):
             self._start(self._count - len(self._workers))
             self.summary = capacity.summary(self._count, first)
         except BaseException:
-            self.kill()
+            self.halt()
             raise
 
     @property
@@ -122,15 +121,15 @@ class LocalPool(TrialPool):
         """Number of trials that are running."""
         return sum(worker.trial is not None for worker in self._workers)
 
-    def begin(self, journal: Journal, trial: Trial, recording: RecordingOptions) -> None:
-        """Have a free worker claim a trial, run it and record it."""
-        del journal
+    def begin(self, trial: Trial) -> bool:
+        """Have a free worker claim a trial, run it and record it, unless another process has claimed it."""
         worker = next(worker for worker in self._workers if worker.is_free)
         worker.trial = trial
         has_spare_cores = self._count < self._capacity.cores
-        worker.send(RunTrial(trial, replace(recording, own_thread=has_spare_cores)))
+        worker.send(RunTrial(trial, replace(self.session.recording, own_thread=has_spare_cores)))
+        return True
 
-    def events(self, timeout_s: float) -> Sequence[PoolEvent]:
+    def reports(self, timeout_s: float) -> Sequence[LoopEvent]:
         """Return what has happened as soon as there is something, or nothing after the timeout."""
         by_connection = {worker.connection: worker for worker in self._workers}
         for ready in wait(list(by_connection), timeout_s):
@@ -148,15 +147,15 @@ class LocalPool(TrialPool):
         give_up_s = time.monotonic() + STOP_TIMEOUT_S
         running = [worker for worker in self._workers if worker.trial is not None]
         for worker in running:
-            worker.send(Stop(request))
+            worker.send(request)
         while running and (left_s := give_up_s - time.monotonic()) > 0:
             for ready in wait([worker.connection for worker in running], left_s):
                 worker = next(worker for worker in running if worker.connection is ready)
                 if not _discard_report(worker.connection):
                     running.remove(worker)
-        self.kill()
+        self.halt()
 
-    def kill(self) -> None:
+    def halt(self) -> None:
         """End all workers at once."""
         self._server.end()
         while self._workers:
@@ -189,11 +188,11 @@ class LocalPool(TrialPool):
     def _await_first(self) -> Prepared:
         lost = 0
         while True:
-            for event in self.events(1.0):
-                lost += isinstance(event, WorkerLost)
-                if isinstance(event, WorkerLost) and lost == LOST_BEFORE_READY:
+            for event in self.reports(1.0):
+                lost += isinstance(event, TrialReturned)
+                if isinstance(event, TrialReturned) and lost == LOST_BEFORE_READY:
                     raise VsnbenchError(
-                        f"{lost} workers ended during their setup, the last with {event.cause}",
+                        f"{lost} workers ended during their setup, the last with {event.lost_worker}",
                         advice="the reason is above, or the system had too little memory: try --workers 1",
                         code="no-worker",
                     )
@@ -208,12 +207,13 @@ class LocalPool(TrialPool):
                     raise VsnbenchError(
                         f"two workers with the same spec have different setups: {difference}", code="worker-differs"
                     )
-            case ActionsTaken() | EpisodeStored():
+            case ActionsTaken():
                 self._events.append(report)
-            case Free():
+            case tuple():
                 worker.trial = None
-            case Refused(error):
-                raise error
+                self._events.extend(report)
+            case VsnbenchError():
+                raise report
 
     def _difference(self, prepared: Prepared) -> str:
         others = [worker.prepared for worker in self._workers if worker.prepared is not None]
@@ -222,7 +222,7 @@ class LocalPool(TrialPool):
     def _replace(self, worker: LocalWorker) -> None:
         cause = worker.end()
         self._workers.remove(worker)
-        self._events.append(WorkerLost(worker.trial, cause))
+        self._events.append(TrialReturned(worker.trial, cause))
         self._start(1)
 
 
@@ -242,7 +242,7 @@ class SharedWorkers:
         """End the workers."""
         pool, self._pool = self._pool, None
         if pool is not None:
-            pool.kill()
+            pool.halt()
 
     @contextmanager
     def prepared(self, spec: TrialSetupSpec, request: WorkerRequest) -> Iterator[LocalPool]:

@@ -6,7 +6,7 @@ from vsnbench.errors import VsnbenchError
 from vsnbench.models.checkpoints.torch_runtime import GpuMemory
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored
+from vsnbench.runner.loop.contract import ActionsTaken, LoopEvent
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetupSpec
 from vsnbench.runner.stopping.requests import StopRequest
 
@@ -28,14 +28,8 @@ class RunTrial:
     recording: RecordingOptions
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """End the episode as requested, then the process."""
-
-    request: StopRequest
-
-
-Order = Prepare | RunTrial | Stop
+Order = Prepare | RunTrial | StopRequest
+"""A StopRequest ends the episode as requested, then the process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +41,8 @@ class Prepared:
     """Memory that the process does not share."""
     gpu: GpuMemory | None = None
     """Memory that it takes of a GPU, where it uses one that reports it."""
-    sessions: int | None = None
-    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
 
-@dataclass(frozen=True, slots=True)
-class Free:
-    """The trial is over, or another process had claimed it; the worker waits for the next order."""
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """No worker can carry out the order."""
-
-    error: VsnbenchError
-
-
-Report = Prepared | ActionsTaken | EpisodeStored | Free | Refused
+Report = Prepared | ActionsTaken | tuple[LoopEvent, ...] | VsnbenchError
+"""A tuple of events, which may be empty, ends a trial: the worker waits for the next order. An error means that no
+worker can carry out the order."""

@@ -75,7 +75,7 @@ class PackedSpec:
         """
         options = {
             name: PackedFile.of(value)
-            for name, value in spec.model_options.items()
+            for name, value in spec.options.items()
             if isinstance(value, Path) and value.exists()
         }
         profile = Path(spec.robot.removeprefix(_SIMULATED))

@@ -17,11 +17,12 @@ from typing import Any
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.provenance import Provenance
-from vsnbench.runner.executors.capacity import ClusterRequest
-from vsnbench.runner.executors.collecting import TaskLost, TaskRunner
+from vsnbench.runner.executors.capacity import WorkerOptions
+from vsnbench.runner.executors.collecting import TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.executors.plan_transfer import PackedSpec
 from vsnbench.runner.executors.ray_connection import ClusterAddress, connect
+from vsnbench.runner.loop.contract import TrialReturned
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec, open_trial_setup
 from vsnbench.text.sanitize import counted, error_line
 
@@ -46,24 +47,26 @@ class _Parcel:
 class RayTasks(TaskRunner):
     """Runs trials on a Ray cluster."""
 
-    def __init__(self, spec: TrialSetupSpec, request: ClusterRequest) -> None:
-        """Connect, and have one worker make the trial setup.
+    def __init__(self, spec: TrialSetupSpec, options: WorkerOptions) -> None:
+        """Connect to the cluster of the options, and have one worker make the trial setup.
 
         Raises:
             UsageError: Ray is not installed, or the spec is not consistent.
             VsnbenchError: the cluster does not answer in time, or runs another version.
         """
-        address, workers, gpus_each = request.address, request.workers, request.gpus_each
+        address, workers, gpus_each = options.cluster, options.count, options.gpus_each
+        if address is None:
+            raise ValueError("the options name no cluster")
         spec = with_worker_device(spec, gpus_each)
         packed = PackedSpec.of(spec)
         self._ray = connect(address)
         self._trials: dict[Any, Trial] = {}
         try:
-            options = {"num_cpus": 1, "num_gpus": gpus_each, "max_retries": RETRIES, "max_calls": 0}
-            self._run = self._ray.remote(**options)(run_task)
+            needs = {"num_cpus": 1, "num_gpus": gpus_each, "max_retries": RETRIES, "max_calls": 0}
+            self._run = self._ray.remote(**needs)(run_task)
             self._parcel = _Parcel(str(uuid.uuid4()), (self._ray.put(packed),), shlex.join(sys.argv))
             places = self._capacity_now(address, gpus_each)
-            self.description = self._first_setup(options)
+            self.description = self._first_setup(needs)
             chosen = PackedSpec.of(spec.for_elsewhere(self.description.card))
             self._parcel = replace(self._parcel, packed=(self._ray.put(chosen),))
             self._at_once = workers or places
@@ -81,9 +84,9 @@ class RayTasks(TaskRunner):
         """Have a trial run."""
         self._trials[self._run.remote(self._parcel, trial, seed)] = trial
 
-    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TaskLost]:
+    def results(self, timeout_s: float) -> Sequence[EpisodeBundle | TrialReturned]:
         """Return finished tasks."""
-        finished: list[EpisodeBundle | TaskLost] = []
+        finished: list[EpisodeBundle | TrialReturned] = []
         try:
             ready, _ = self._ray.wait(list(self._trials), num_returns=1, timeout=timeout_s)
         except Exception as error:
@@ -97,7 +100,7 @@ class RayTasks(TaskRunner):
             try:
                 answer = self._ray.get(done)
             except Exception as error:  # the task's node or process was lost, after Ray's retries
-                finished.append(TaskLost(trial, error_line(error)))
+                finished.append(TrialReturned(trial, error_line(error)))
                 continue
             if isinstance(answer, VsnbenchError):
                 raise answer
@@ -175,7 +178,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
     Raises:
         UsageError: another device was requested.
     """
-    device = spec.model_options.get("device") or "auto"
+    device = spec.options.get("device") or "auto"
     if device not in ("auto", "cpu") and not gpus_each:
         raise UsageError(
             f"device {device}: workers of a cluster hold no GPU by default",
@@ -186,7 +189,7 @@ def with_worker_device(spec: TrialSetupSpec, gpus_each: float) -> TrialSetupSpec
         raise UsageError(f"gpus_per_worker = {gpus_each:g} conflicts with device cpu", advice="remove one of them")
     if device != "auto" or not spec.model_takes("device"):
         return spec
-    return replace(spec, model_options={**spec.model_options, "device": "cuda" if gpus_each else "cpu"})
+    return replace(spec, model_options={**spec.options, "device": "cuda" if gpus_each else "cpu"})
 
 
 @dataclass(frozen=True, slots=True)

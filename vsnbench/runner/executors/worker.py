@@ -17,17 +17,15 @@ from vsnbench.errors import VsnbenchError
 from vsnbench.models.checkpoints.torch_runtime import gpu_memory
 from vsnbench.protocol.free_space import free_space
 from vsnbench.results.writing.journal import Journal
-from vsnbench.results.writing.provenance import Provenance
 from vsnbench.runner.episode.depth_guard import get_ready
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.executors.contract import ActionsTaken, EpisodeStored
-from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor, SingleModel
-from vsnbench.runner.executors.messages import Free, Order, Prepare, Prepared, Refused, Report, RunTrial, Stop
-from vsnbench.runner.loop.contract import ScheduledTrial
-from vsnbench.runner.loop.session_context import SessionContext
+from vsnbench.runner.executors.in_process import InProcessExecutor
+from vsnbench.runner.executors.messages import Order, Prepare, Prepared, Report, RunTrial
+from vsnbench.runner.loop.contract import ActionsTaken, Session
 from vsnbench.runner.operator.contract import AbsentOperator, EndedEpisode
 from vsnbench.runner.setup.trial_setup import SetupDescription, TrialSetup, TrialSetupSpec, open_trial_setup
-from vsnbench.runner.stopping.requests import Stopped, StopRequests
+from vsnbench.runner.stopping.requests import Stopped, StopRequest, StopRequests
 from vsnbench.text.log_output import opened_log
 from vsnbench.text.streams import sanitized_output
 
@@ -47,7 +45,7 @@ def _work(connection: "Connection[Report, Order]") -> None:
         try:
             worker.work()
         except VsnbenchError as error:
-            connection.send(Refused(error))
+            connection.send(error)
         except (Stopped, BrokenPipeError):
             return
 
@@ -60,10 +58,10 @@ class Worker:
         self._stop = stop
         self._stack = stack
         self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
-        self._spec: TrialSetupSpec | None = None
+        self._order: Prepare | None = None
         self._setup: TrialSetup | None = None
-        self._provenance: Provenance | None = None
-        self._journal: Journal | None = None
+        self._session: Session | None = None
+        """The session in which this process runs the driver's trials, once there is one."""
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def work(self) -> None:
@@ -75,12 +73,14 @@ class Worker:
         """
         while True:
             match self._orders.get():
-                case Prepare(spec, command):
-                    self._prepare(spec, command)
-                case RunTrial() as order:
-                    self._run(order)
-                    self._connection.send(Free())
-                case Stop(request):
+                case Prepare() as order:
+                    self._prepare(order)
+                case RunTrial(trial, recording):
+                    session = self._session = self._session or self._begin_session(recording)
+                    session.recording = recording
+                    executor = session.robots
+                    self._connection.send(tuple(executor.events()) if executor.begin(trial) else ())
+                case StopRequest() as request:
                     raise Stopped(request)
 
     def _listen(self) -> None:
@@ -90,46 +90,41 @@ class Worker:
                 order = self._connection.recv()
             except (EOFError, OSError):
                 end_process_now(1)
-            if isinstance(order, Stop):
-                self._stop.ask(order.request)
+            if isinstance(order, StopRequest):
+                self._stop.ask(order)
             self._orders.put(order)
 
-    def _prepare(self, spec: TrialSetupSpec, command: str) -> None:
+    def _prepare(self, order: Prepare) -> None:
         self._stack.close()
-        self._setup = self._journal = None
-        self._setup = self._stack.enter_context(open_trial_setup(spec))
-        self._spec = spec
+        self._setup = self._session = None
+        self._setup, self._order = self._stack.enter_context(open_trial_setup(order.spec)), order
         self._stop.last_acts[:] = [self._setup.robot.halt]
         description, own_bytes = self._setup.description, psutil.Process().memory_full_info().uss
         # A model that only tried the GPU has left something there, too: the next process then avoids it.
-        sessions = self._setup.sessions
-        gpu = gpu_memory() if description.on_gpu and sessions is None else None
-        self._connection.send(Prepared(description, own_bytes, gpu, sessions))
+        gpu = gpu_memory() if description.on_gpu and description.sessions is None else None
+        self._connection.send(Prepared(description, own_bytes, gpu))
         # The driver opens the results database now; meanwhile this process loads what the first trial needs.
-        self._provenance = self._setup.provenance(command)
-        _load_for_trials(description, spec)
+        _load_for_trials(description, order.spec)
 
-    def _run(self, order: RunTrial) -> None:
-        if self._setup is None or self._spec is None or self._provenance is None:
+    def _begin_session(self, recording: RecordingOptions) -> Session:
+        if self._setup is None or self._order is None:
             raise RuntimeError("a trial was ordered before a trial setup")
-        setup, spec, recording = self._setup, self._spec, order.recording
-        if self._journal is None:
-            url = recording.results.database_url
-            self._journal = self._stack.enter_context(Journal.open(url, self._provenance))
-            self._journal.patience.gives_up = lambda: self._stop.session_ends
-        context = SessionContext(
-            self._journal,
-            _Reporter(self._connection, order),
-            self._stop,
-            spec.site,
-            spec.parameters,
-            recording,
-            spec.disturbances,
+        setup, spec = self._setup, self._order.spec
+        provenance = setup.provenance(self._order.command)
+        journal = self._stack.enter_context(Journal.open(recording.results.database_url, provenance))
+        journal.patience.gives_up = lambda: self._stop.session_ends
+        session = Session(
+            journal=journal,
+            robots=InProcessExecutor.of_setup(setup),
+            recording=recording,
+            site=spec.site,
+            parameters=spec.parameters,
+            disturbances=spec.disturbances,
+            stop_requests=self._stop,
+            operator=_Reporter(self._connection),
         )
-        model = DrivingModel(setup.policy, setup.description.title)
-        executor, trial = InProcessExecutor(context, setup.robot, SingleModel(model)), order.trial
-        if executor.begin(ScheduledTrial(trial.campaign_id, trial.id)):
-            executor.events()
+        session.robots.session_begins(session)
+        return session
 
 
 def _load_for_trials(description: SetupDescription, spec: TrialSetupSpec) -> None:
@@ -139,12 +134,11 @@ def _load_for_trials(description: SetupDescription, spec: TrialSetupSpec) -> Non
 
 
 class _Reporter(AbsentOperator):
-    """Reports actions and the end of the episode to the driver."""
+    """Reports actions to the driver."""
 
-    def __init__(self, connection: "Connection[Report, Order]", order: RunTrial) -> None:
+    def __init__(self, connection: "Connection[Report, Order]") -> None:
         super().__init__()
         self._connection = connection
-        self._order = order
         self._unreported = 0
         self._reported_s = time.monotonic()
 
@@ -156,9 +150,9 @@ class _Reporter(AbsentOperator):
             self._report()
 
     def episode_ended(self, ended: EndedEpisode) -> None:
-        """Report the outcome."""
+        """Report the last actions."""
+        del ended
         self._report()
-        self._connection.send(EpisodeStored(ended.number, self._order.trial, ended.outcome))
 
     def _report(self) -> None:
         if self._unreported:

@@ -79,20 +79,20 @@ class FollowUpRules:
     episodes: int = 0
     void: int = 0
     _lost_workers: int = 0
-    _model_failures: Counter[str] = field(default_factory=Counter)
-    """Consecutive failures by model."""
+    _model_failures: Counter[int] = field(default_factory=Counter)
+    """Consecutive failures of a model, by its campaign."""
 
-    def after_episode(self, outcome: EpisodeOutcome, model: str = "", running: int = 0) -> FollowUp:
-        """Count a finished episode and return what follows it, with the number of episodes that still run."""
+    def after_episode(self, outcome: EpisodeOutcome, campaign_id: int = 0, running: int = 0) -> FollowUp:
+        """Count an ended episode of a campaign and return what follows it; `running` other episodes still run."""
         reason = outcome.verdict.end_reason
         self.episodes += 1
         self.void += not reason.is_result
         self._lost_workers = 0
         if self.isolates_models and reason in MODEL_FAILURES:
-            self._model_failures[model] += 1
-            suspends = not outcome.began or self._model_failures[model] >= self.voids.limit
+            self._model_failures[campaign_id] += 1
+            suspends = not outcome.began or self._model_failures[campaign_id] >= self.voids.limit
             return FollowUp(reloads_model=True, suspends_model=suspends)
-        self._model_failures[model] = 0
+        self._model_failures[campaign_id] = 0
         return FollowUp(self.voids.add(outcome, running), repeats=self.repeats_void_trials and reason in REPEATABLE)
 
     def after_lost_worker(self, cause: str) -> str | None:

@@ -58,6 +58,18 @@ class Judgement:
     """Name of the judge; empty for the session's operator."""
 
 
+@dataclass(frozen=True, slots=True)
+class TrialCounts:
+    """Numbers of trials."""
+
+    total: int
+    done: int = 0
+    successes: int = 0
+
+
+NO_TRIALS = TrialCounts(0)
+
+
 class Operator(ABC):
     """The person at the robot, or a stand-in where there is none.
 

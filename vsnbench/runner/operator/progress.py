@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Self
 
 from rich.markup import escape
@@ -20,27 +19,17 @@ from rich.progress import (
 from vsnbench.protocol.limits import budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.episode.step import Step
-from vsnbench.runner.operator.contract import Display, EndedEpisode
+from vsnbench.runner.operator.contract import NO_TRIALS, Display, EndedEpisode, TrialCounts
 from vsnbench.text.terminal import Console
 
 MAX_LABEL = 24
 """Length of a label that fits next to the bar. A longer one, and every one in a narrow terminal, is a line above it."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrialCounts:
-    """Numbers of trials."""
-
-    total: int
-    done: int = 0
-    successes: int = 0
-
-
-NO_TRIALS = TrialCounts(0)
 _STYLE = {True: "green", False: "red", None: "yellow"}
 
 
-class CampaignProgress(Display):
+class ProgressDisplay(Display):
     """A progress bar on stderr while the context is entered; plain lines where stderr is not a terminal.
 
     `other_trials` are those of the sweep's other campaigns, and `first_line` is shown above the bar.

@@ -9,7 +9,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 from rich.markup import escape
@@ -37,7 +37,7 @@ from vsnbench.runner.operator.contract import (
     Upcoming,
 )
 from vsnbench.runner.operator.placing import Placing
-from vsnbench.runner.operator.progress import CampaignProgress
+from vsnbench.runner.operator.progress import ProgressDisplay
 from vsnbench.runner.operator.prompts import (
     UNKNOWN_OPERATOR,
     AnsweredMeanwhileError,
@@ -46,7 +46,6 @@ from vsnbench.runner.operator.prompts import (
     Question,
     QuestionKind,
     RepliedElsewhereError,
-    Reply,
 )
 from vsnbench.runner.operator.terminal_placing import TerminalPlacing
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
@@ -83,18 +82,6 @@ def discard_typed() -> None:
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorDuties:
-    """What a session asks of its operator."""
-
-    name: str = ""
-    """Name of the person at the terminal."""
-    starts_trials: bool = False
-    """Each trial waits for the operator's go, though the robot reaches its start by itself."""
-    has_page: bool = False
-    """Browsers show the prompts too: void trials may run again, and the operator ends the session."""
-
-
 class TerminalOperator(AbsentOperator):
     """Asks the operator at the terminal, and accepts the answers of browsers."""
 
@@ -102,21 +89,36 @@ class TerminalOperator(AbsentOperator):
 
     def __init__(
         self,
-        display: CampaignProgress,
+        display: ProgressDisplay,
         emergency: EmergencyStop,
         stop: StopRequests,
         prompts: OperatorPrompts,
-        duties: OperatorDuties | None = None,
+        *,
+        name: str = "",
+        starts_trials: bool = False,
+        has_page: bool = False,
     ) -> None:
+        """Attend a session.
+
+        Args:
+            display: shows the progress.
+            emergency: listens for the emergency stop key while the robot drives.
+            stop: requests to stop.
+            prompts: the questions.
+            name: name of the person at the terminal.
+            starts_trials: each trial waits for the operator's go, though the robot reaches its start by itself.
+            has_page: browsers show the prompts too: void trials may run again, and the operator ends the session.
+        """
         super().__init__(display)
         self._console = display.console
         self._paused = display.paused
         self._emergency = emergency
         self._stop = stop
         self._prompts = prompts
-        self._duties = duties or OperatorDuties()
+        self._own_name = name
+        self._starts_trials = starts_trials
         self._started_by = ""
-        self.repeats_void_trials = self._duties.has_page
+        self.repeats_void_trials = self._has_page = has_page
 
     @property
     def name(self) -> str:
@@ -127,7 +129,7 @@ class TerminalOperator(AbsentOperator):
         """Show the trial. Where the robot reaches its start by itself, wait for the operator's go."""
         self._prompts.state.trial_begins(upcoming)
         super().trial_begins(upcoming)
-        if self._duties.starts_trials:
+        if self._starts_trials:
             with self._question(QuestionKind.BEGIN) as question:
                 plan = upcoming.plan
                 self._console.print(f"Next: [bold]{plan.goal} from starting position {plan.start.number}[/bold]")
@@ -171,7 +173,7 @@ class TerminalOperator(AbsentOperator):
 
     def nothing_left(self) -> Sequence[int]:
         """Ask whether the session ends: a correction in a browser can make a trial run again."""
-        if not self._duties.has_page:
+        if not self._has_page:
             return ()
         self._prompts.state.upcoming = None
         with self._question(QuestionKind.FINISH) as question:
@@ -211,30 +213,29 @@ class TerminalOperator(AbsentOperator):
         question: Question,
         ask: Callable[[], Choice | Judgement],
         carry_out: Callable[[str], None] = lambda _action: None,
-    ) -> Reply:
+    ) -> Question:
         """Return the first reply, from here or a browser; meanwhile carry out the requested actions."""
-        while question.reply is None:
+        while question.answer is None:
             try:
-                return self._prompts.reply(question.number, ask(), self._duties.name, TERMINAL)
+                return self._prompts.reply(question.number, ask(), self._own_name, TERMINAL)
             except RepliedElsewhereError:
                 self._console.print()
             except AnsweredMeanwhileError as late:
                 self._console.print(f"\n[yellow]{escape(str(late))}[/yellow]")
-            while question.actions and question.reply is None:
+            while question.actions and question.answer is None:
                 carry_out(question.actions.pop(0))
-        reply = question.reply
-        answer = reply.answer.value if isinstance(reply.answer, Choice) else "a judgement"
+        answer = question.answer.value if isinstance(question.answer, Choice) else "a judgement"
         self._console.print(
-            f"[cyan]{escape(reply.author or UNKNOWN_OPERATOR)} answered at {reply.source}[/cyan]: {answer}"
+            f"[cyan]{escape(question.author or UNKNOWN_OPERATOR)} answered at {question.source}[/cyan]: {answer}"
         )
-        return reply
+        return question
 
-    def _start(self, reply: Reply) -> None:
-        if reply.answer is Choice.SKIP:
+    def _start(self, answered: Question) -> None:
+        if answered.answer is Choice.SKIP:
             raise TrialSkippedError
-        if reply.answer is Choice.END:
-            raise SessionEndedError(f"{reply.author or UNKNOWN_OPERATOR} ended the session at {reply.source}")
-        self._started_by = reply.author
+        if answered.answer is Choice.END:
+            raise SessionEndedError(f"{answered.author or UNKNOWN_OPERATOR} ended the session at {answered.source}")
+        self._started_by = answered.author
 
     def _ask_end(self) -> Choice:
         self._ask_until("Enter ends the session: ", parse_go)

@@ -4,7 +4,6 @@ import logging
 import os
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.free_space import free_space
@@ -17,34 +16,23 @@ from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
 from vsnbench.runner.episode.recorder import RecordingOptions
-from vsnbench.runner.executors.backends import open_backend
-from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
+from vsnbench.runner.executors.backends import open_executor
+from vsnbench.runner.executors.capacity import worker_request
 from vsnbench.runner.executors.local_pool import SharedWorkers
-from vsnbench.runner.loop.campaign import CampaignSource, SessionResult
-from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, FollowUpRules, VoidLimit
-from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
-from vsnbench.runner.operator.progress import TrialCounts
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
-from vsnbench.runner.setup.cleanup import sweep_results
+from vsnbench.runner.loop.campaign import CampaignSource
+from vsnbench.runner.loop.contract import Session, SessionResult
+from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, VoidLimit
+from vsnbench.runner.operator.contract import TrialCounts
+from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.session import run_session
 from vsnbench.runner.setup.request import RunRequest
-from vsnbench.runner.setup.selection import (
-    check_goal_starts,
-    choose_starts,
-    is_surveyed,
-    max_goals,
-    named_site,
-    plan_trials,
-    present_goals,
-    resolve_goals,
-)
+from vsnbench.runner.setup.selection import is_surveyed, plan_trials
 from vsnbench.runner.setup.trial_setup import (
     SetupDescription,
     warn_of_assumptions,
     warn_of_camera,
     warn_of_default_weights,
 )
-from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime.child_process import hide_memory
 from vsnbench.site_checks.check import layout_findings
 from vsnbench.site_checks.finding import Severity, SiteFinding
@@ -54,27 +42,13 @@ from vsnbench.sites.site import Site
 logger = logging.getLogger(__name__)
 
 
-class NoGoalPresentError(UsageError):
-    """A generated site of a sweep has none of the requested goals."""
-
-    code = "no-goal-present"
-
-
-@dataclass(frozen=True, slots=True)
-class Launched:
-    """A campaign and the result of the session that has just ended."""
-
-    campaign: OpenCampaign
-    result: SessionResult
-
-
 def launch(
     request: RunRequest,
     operators: OperatorProvider,
     viewer: EpisodeViewer | None = None,
     shared: SharedWorkers | None = None,
-) -> Launched:
-    """Run the remaining trials of a campaign.
+) -> SessionResult:
+    """Run the remaining trials of a campaign, whose request is for its site (`RunRequest.at`).
 
     `viewer` shows or copies the episodes, where copies are kept; `shared` are workers that other campaigns use as well.
 
@@ -83,93 +57,78 @@ def launch(
         VsnbenchError: the site, model, robot or results cannot be used.
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    check_before_opening(request.disturbances, request.robot, rehearsal=request.rehearsal)
-    note = "" if os.environ.get(TEMPORARY_RESULTS) else request.results.new_record_note
-    site = named_site(request.site)
-    if request.skips_absent_goals:
-        request = _without_absent_goals(request, site)
-    starts = choose_starts(request.starts, site)
-    if request.starts is not None:
-        check_goal_starts(resolve_goals(request.goals, site), starts, site)
-    parameters = request.parameters
+    spec, results = request.setup, request.results
+    check_before_opening(spec.disturbances, spec.robot, rehearsal=spec.rehearsal)
+    note = "" if os.environ.get(TEMPORARY_RESULTS) else results.new_record_note
     surveyed = is_surveyed(request.site)
     if surveyed:
-        _check_findings(request.site, layout_findings(site))
-    spec = request.setup_spec(site)
-    if request.isolation is not None:
+        _check_findings(request.site, layout_findings(spec.site))
+    if spec.isolation is not None:
         hide_memory()  # of this process; the model's process hides its own
-    if request.files_to_keep is not KeepFiles.ALL:
+    if spec.keep is not KeepFiles.ALL:
         viewer = None
-    trials = max_goals(request.goals, site) * len(starts) * request.repetitions
     live = viewer is not None and viewer.is_live
-    workers = worker_request(request.workers, spec, trials, live=live, attended=request.attended)
-    if isinstance(workers, ClusterRequest) or workers.limit > 1:
-        get_ready(request.results.database_url)  # while the workers start
+    workers = worker_request(request.workers, spec, request.max_trials, live=live, attended=request.attended)
+    if workers is None or workers.limit > 1:
+        get_ready(results.database_url)  # while the workers start
     with ExitStack() as stack:
-        backend = stack.enter_context(open_backend(spec, workers, shared))
-        description = backend.description
-        warn_of_default_weights(description)
-        warn_of_assumptions(description.card, parameters)
-        warn_of_camera(description)
-        warn_of_unused(request.disturbances, description.card.name, description.card.sensors)
-        _check_keep(request, description)
+        robots = stack.enter_context(open_executor(spec, workers, request.workers, shared))
+        plan = _checked_plan(request, robots.description)
         if surveyed:
-            check_survey(request.site, site, description.robot.profile.base.radius_m, parameters)
-        if description.needs_operator:
-            operators.require(description.robot.profile)
-        plan = CampaignPlan(
-            site=site,
-            robot=description.robot,
-            model=description.model,
-            protocol=parameters,
-            seed=request.seed,
-            trials=plan_trials(description.goals, starts, request.repetitions, site.excluded),
-            conditions=description.conditions,
-        )
-        request.results.prepare()
-        provenance = backend.provenance()
-        journal = stack.enter_context(Journal.open(request.results.database_url, provenance))
+            check_survey(request.site, spec.site, robots.robot.profile.base.radius_m, spec.parameters)
+        if robots.needs_operator:
+            operators.require(robots.robot.profile)
+        results.prepare()
+        provenance = robots.provenance()
+        journal = stack.enter_context(Journal.open(results.database_url, provenance))
         campaign = _open_campaign(journal, plan)
-        if viewer is not None:
-            viewer.prepare()
-        sweep_results(request.results, journal)
-        stop_requests = stack.enter_context(StopRequests())
-        stop_requests.last_acts.append(backend.halt)
-        journal.patience.gives_up = lambda: stop_requests.session_ends
         outcomes = journal.campaign_progress(campaign).outcomes
-        disturbed = f" with {request.disturbances.text}" if request.disturbances else ""
-        session = OperatorSession(
-            label=f"{description.card.name} in {site.name}{disturbed}",
-            trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
-            parameters=parameters,
-            needs_operator=description.needs_operator,
-            halt=backend.halt,
-            stop_requests=stop_requests,
-            site=site,
-            robot_radius_m=description.robot.profile.base.radius_m,
+        disturbed = f" with {spec.disturbances.text}" if spec.disturbances else ""
+        session = Session(
             journal=journal,
-            results=request.results,
+            robots=robots,
+            recording=RecordingOptions(results, viewer, provenance.operator, spec.keep),
+            site=spec.site,
+            parameters=spec.parameters,
+            disturbances=spec.disturbances,
+            label=f"{robots.description.card.name} in {spec.site.name}{disturbed}",
+            trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
             campaign_ids=(campaign.id,),
-            operator_name=provenance.operator,
-            glimpse=backend.glimpse,
-            battery=backend.battery,
-            recording_note="\n".join(
-                filter(None, (f"--keep {request.files_to_keep}: {request.files_to_keep.description}", note))
-            ),
+            recording_note="\n".join(filter(None, (f"--keep {spec.keep}: {spec.keep.description}", note))),
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
-        recording = RecordingOptions(request.results, viewer, provenance.operator, request.files_to_keep)
-        with operators.attend(session) as operator:
-            context = SessionContext(
-                journal, operator, stop_requests, site, parameters, recording, request.disturbances
-            )
-            rules = FollowUpRules(limit, repeats_void_trials=operator.repeats_void_trials)
-            source = CampaignSource(journal, campaign, rules)
-            stop_reason = run(source, backend.executor(context, campaign), operator)
-            result = SessionResult.of(rules, journal.campaign_progress(campaign), stop_reason)
-    if stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
-        stop_requests.act_now()
-    return Launched(campaign, result)
+        result = run_session(session, operators, lambda begun: CampaignSource(begun, campaign, limit))
+    if session.stop_requests.session_ends:  # requested after the last trial: no other campaign of a sweep may begin
+        session.stop_requests.act_now()
+    return result
+
+
+def _checked_plan(request: RunRequest, description: SetupDescription) -> CampaignPlan:
+    """Return the plan of a campaign with this setup; logs what is doubtful.
+
+    Raises:
+        UsageError: images would be dropped that cannot be rendered again, or no trial is left.
+    """
+    spec = request.setup
+    warn_of_default_weights(description)
+    warn_of_assumptions(description.card, spec.parameters)
+    warn_of_camera(description)
+    warn_of_unused(spec.disturbances, description.card.name, description.card.sensors)
+    if spec.keep is KeepFiles.NONE and not description.robot.simulated:
+        raise UsageError(
+            f"--keep none: robot {description.robot.profile.name} is real, so its images cannot be rendered again",
+            advice="keep its images: --keep images",
+            code="images-needed",
+        )
+    return CampaignPlan(
+        site=spec.site,
+        robot=description.robot,
+        model=description.model,
+        protocol=spec.parameters,
+        seed=request.seed,
+        trials=plan_trials(description.goals, request.start_numbers, request.repetitions, spec.site.excluded),
+        conditions=description.conditions,
+    )
 
 
 def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:
@@ -183,30 +142,6 @@ def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:
     if change := journal.model_change(campaign, plan.model):
         logger.warning("campaign %d is new: %s", campaign.id, change)
     return campaign
-
-
-def _check_keep(request: RunRequest, description: SetupDescription) -> None:
-    """Refuse to drop the images of a real robot, which cannot be rendered again."""
-    if request.files_to_keep is KeepFiles.NONE and not description.robot.simulated:
-        raise UsageError(
-            f"--keep none: robot {description.robot.profile.name} is real, so its images cannot be rendered again",
-            advice="keep its images: --keep images",
-            code="images-needed",
-        )
-
-
-def _without_absent_goals(request: RunRequest, site: Site) -> RunRequest:
-    """Return the request with the goals that the site has; logs the others.
-
-    Raises:
-        NoGoalPresentError: the site has none of them.
-    """
-    present, absent = present_goals(request.goals, site)
-    if not present:
-        raise NoGoalPresentError(f"{request.site} has no {' and no '.join(absent)}: skipped")
-    if absent:
-        logger.warning("%s has no %s: no trials with that goal there", request.site, " and no ".join(absent))
-    return replace(request, goals=present)
 
 
 def _check_findings(site: str, findings: Iterable[SiteFinding]) -> None:

@@ -6,14 +6,14 @@ from typing import Self
 
 import psutil
 
-from vsnbench.runner.executors.in_process import DrivingModel, ModelProvider
+from vsnbench.runner.executors.in_process import DrivingModel
 from vsnbench.runner.setup.trial_setup import close_policy
 
 SHARE_OF_MEMORY = 0.5
 """Default share of the machine's memory for all models together."""
 
 
-class ModelCache(ModelProvider):
+class ModelCache:
     """Models by the name of their arm; a context manager that closes them."""
 
     def __init__(

@@ -8,7 +8,7 @@ from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.fit.goal import misfit
 from vsnbench.results.writing.campaigns import PlannedTrial
-from vsnbench.sites.categories import GOAL_CATEGORIES, canonical_category, near_category
+from vsnbench.sites.categories import CATEGORIES, GOAL_CATEGORIES, canonical_category, near_category
 from vsnbench.sites.site import Site, embedded_sites, load_site
 from vsnbench.sites.targets import kind_of
 from vsnbench.text.number_ranges import read_numbers
@@ -44,16 +44,15 @@ def plan_trials(
     return tuple(trials)
 
 
-def choose_goals(requested: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:
-    """Return the goals of a campaign, each once, checked against the site and the model.
+def choose_goals(names: Sequence[str], site: Site, card: ModelCard) -> tuple[str, ...]:
+    """Return the goals of a campaign, checked against the model.
 
-    `requested` has ids of goals and categories of the site, separated by commas or as items; `all` means every goal
-    category of the paper that the site has and the model knows.
+    `names` are those of `resolve_goals`; `all` means every goal category of the paper that the site has and the model
+    knows.
 
     Raises:
-        UsageError: the site lacks a goal (`unknown-goal`), or the model cannot take it (`unknown-goal`, `goal-kind`).
+        UsageError: the model cannot take a goal (`unknown-goal`, `goal-kind`).
     """
-    names = resolve_goals(requested, site)
     if "all" in names:
         possible = [goal for goal in _of_the_paper(site) if not misfit(card, site, goal)]
         if not possible:
@@ -74,22 +73,34 @@ def choose_goals(requested: Sequence[str], site: Site, card: ModelCard) -> tuple
     return tuple(names)
 
 
-def resolve_goals(requested: Sequence[str], site: Site) -> list[str]:
+def resolve_goals(requested: Sequence[str], site: Site) -> tuple[str, ...]:
     """Return the goals of a site that words name, each once; keeps `all`.
+
+    `requested` has ids of goals and categories of the site, separated by commas or as items.
 
     Raises:
         UsageError: the site lacks a goal (`unknown-goal`), or no goal was given (`no-goal`).
     """
-    return list(dict.fromkeys(_resolved(name, site) for name in named_goals(requested)))
+    return tuple(dict.fromkeys(_resolved(name, site) for name in named_goals(requested)))
 
 
-def present_goals(requested: Sequence[str], site: Site) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the requested names of goals that a site has, and those that it lacks.
+def goals_of_flats(requested: Sequence[str], sample: Site) -> tuple[str, ...]:
+    """Return the goals of generated sites that words name, each once; keeps `all`. A site may lack some of them.
 
     Raises:
-        UsageError: no goal was given (`no-goal`).
+        UsageError: no generated site has a goal (`unknown-goal`), or no goal was given (`no-goal`).
     """
-    names = named_goals(requested)
+    present, absent = present_goals(named_goals(requested), sample)
+    if lost := [name for name in absent if canonical_category(name) not in CATEGORIES]:
+        known = [name for name in sorted(CATEGORIES) if near_category(lost[0]) == name]
+        advice = f"did you mean {known[0]!r}?" if known else f"their goals are {', '.join(sorted(CATEGORIES))}"
+        raise UsageError(f"no generated flat has goal {lost[0]!r}", advice=advice, code="unknown-goal")
+    names = (*(_resolved(name, sample) for name in present), *map(canonical_category, absent))
+    return tuple(dict.fromkeys(names))
+
+
+def present_goals(names: Sequence[str], site: Site) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of goals that a site has, and those that it lacks."""
     absent = tuple(name for name in names if not _has(site, name))
     return tuple(name for name in names if name not in absent), absent
 
@@ -149,13 +160,8 @@ def named_goals(requested: Sequence[str]) -> list[str]:
     return names
 
 
-def max_goals(requested: Sequence[str], site: Site) -> int:
-    """Return the maximum number of goals that `choose_goals` can return for any model.
-
-    Raises:
-        UsageError: the site lacks a goal (`unknown-goal`), or no goal was given (`no-goal`).
-    """
-    names = resolve_goals(requested, site)
+def max_goals(names: Sequence[str], site: Site) -> int:
+    """Return the maximum number of goals that `choose_goals` can return for any model."""
     return len(_of_the_paper(site)) if "all" in names else len(names)
 
 

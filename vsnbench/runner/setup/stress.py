@@ -8,7 +8,7 @@ from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.protocol.disturbances import NONE, SEVERITIES, STANDARD_SET, Disturbances, known_kind
 from vsnbench.report.wording import listed
 from vsnbench.robots.registry import is_simulated
-from vsnbench.runner.setup.selection import named_site
+from vsnbench.runner.setup.selection import max_goals
 from vsnbench.runner.setup.sweep import Sweep
 from vsnbench.runner.setup.trial_setup import close_policy, load_policy
 from vsnbench.statistics.power import Design, detectable, least_p, min_starts, power, starts_needed, trials_needed
@@ -41,13 +41,13 @@ def check_robot(robot: str) -> None:
 def seen_by(sweep: Sweep) -> dict[str, frozenset[Sensor]]:
     """Return the sensors that each model of a sweep uses, which needs its weights; models that fail are left out."""
     sensors: dict[str, frozenset[Sensor]] = {}
-    for request in {campaign.request.model: campaign.request for campaign in reversed(sweep)}.values():
+    for model, setup in {request.setup.model: request.setup for request in reversed(sweep)}.items():
         try:
-            policy = load_policy(request.setup_spec(named_site(request.site)))
+            policy = load_policy(setup)
         except VsnbenchError as error:  # its campaigns report why
-            logger.debug("%s cannot be loaded: %s", request.model, error)
+            logger.debug("%s cannot be loaded: %s", model, error)
             continue
-        sensors[request.model] = policy.card.sensors
+        sensors[model] = policy.card.sensors
         close_policy(policy)
     return sensors
 
@@ -83,10 +83,10 @@ def under_conditions(sweep: Sweep, conditions: Sequence[Disturbances], unseen: M
         unseen: disturbances that are left out, by model.
     """
     return tuple(
-        replace(campaign, request=replace(campaign.request, disturbances=condition))
-        for campaign in sweep
+        replace(request, setup=replace(request.setup, disturbances=condition))
+        for request in sweep
         for condition in conditions
-        if not any(member.name in unseen.get(campaign.request.model, ()) for member in condition.members)
+        if not any(member.name in unseen.get(request.setup.model, ()) for member in condition.members)
     )
 
 
@@ -96,16 +96,15 @@ def design_of_stress(sweep: Sweep) -> Design:
     Args:
         sweep: campaigns under every condition.
     """
-    first = sweep[0].request
+    repetitions = sweep[0].repetitions
     conditions: dict[tuple[str, str], set[Disturbances]] = {}
-    for campaign in sweep:
-        own = conditions.setdefault((campaign.request.model, campaign.site_name), set())
-        own |= {campaign.request.disturbances} - {NONE}
-    starts = min(campaign.starts for campaign in sweep)
+    for request in sweep:
+        own = conditions.setdefault((request.setup.model, request.site_name), set())
+        own |= {request.setup.disturbances} - {NONE}
     return Design(
-        starts=starts,
-        cells=max(1, min(campaign.trials // (campaign.starts * first.repetitions) for campaign in sweep)),
-        trials=first.repetitions * len({campaign.request.seed for campaign in sweep}),
+        starts=min(len(request.start_numbers) for request in sweep),
+        cells=max(1, min(max_goals(request.setup.goals, request.setup.site) for request in sweep)),
+        trials=repetitions * len({request.seed for request in sweep}),
         rate=0.5,
         resemblance=ASSUMED,
         level=ALPHA / max(1, *(len(own) for own in conditions.values())),

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 from vsnbench.errors import UsageError, VsnbenchError
@@ -12,15 +11,12 @@ from vsnbench.results.reading.throughput import Throughput
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.capacity import Capacity
 from vsnbench.runner.executors.local_pool import SharedWorkers
-from vsnbench.runner.operator.contract import Operator
-from vsnbench.runner.operator.progress import TrialCounts
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
-from vsnbench.runner.setup.launch import Launched, NoGoalPresentError, launch
-from vsnbench.runner.setup.request import RunRequest
-from vsnbench.runner.setup.selection import FLAT, choose_starts, max_goals, named_goals, named_site, present_goals
-from vsnbench.sites.categories import CATEGORIES, canonical_category, near_category
+from vsnbench.runner.loop.contract import SessionResult
+from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.setup.launch import launch
+from vsnbench.runner.setup.request import NoGoalPresentError, RunRequest
+from vsnbench.runner.setup.selection import FLAT, named_goals, named_site
 from vsnbench.sites.site import Site
-from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
 
@@ -33,20 +29,7 @@ NEXT_STARTUP_S = 2.0
 MOST_CAMPAIGNS = 100_000
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedCampaign:
-    """A campaign of a sweep."""
-
-    request: RunRequest
-    trials: int
-    """Maximum number of trials."""
-    site_name: str
-    """Name of its site in the results."""
-    starts: int = 0
-    """Number of starting positions."""
-
-
-Sweep = tuple[PlannedCampaign, ...]
+Sweep = tuple[RunRequest, ...]
 """The campaigns of a sweep in the order of running."""
 
 
@@ -65,75 +48,65 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """Result of a campaign of a sweep."""
+    """A campaign of a sweep that was run."""
 
     request: RunRequest
-    launched: Launched | None
-    error: str = ""
-    """Why the campaign could not run."""
-    is_skipped: bool = False
-    """The generated site has none of the goals, so the campaign has no trials."""
+    result: SessionResult | VsnbenchError
+    """An error is why it could not run; NoGoalPresentError is none: the generated site has none of the goals."""
+
+    @property
+    def session(self) -> SessionResult | None:
+        """Result of its session; None if it could not run."""
+        return self.result if isinstance(self.result, SessionResult) else None
+
+    @property
+    def is_skipped(self) -> bool:
+        """Whether it has no trials."""
+        return isinstance(self.result, NoGoalPresentError)
 
 
 def plan_sweep(request: RunRequest, models: Sequence[str], seeds: Sequence[int], sites: Sequence[str]) -> Sweep:
     """Return the campaigns of every model, site and seed, after checking what can be checked now.
 
     Seeds vary slowest, so that a sweep stopped half-way has results of every model and site. Sites are names, paths of
-    site files, and generated sites as `flat:7`; `request` has the options that the campaigns share.
+    site files, and generated sites as `flat:7`; `request` has the options that the campaigns share, and its own site.
 
     Raises:
         UsageError: something named does not exist or does not fit together.
         SiteError: the file of a site is not valid.
     """
-    if not is_simulated(request.robot):
+    setup = request.setup
+    if not is_simulated(setup.robot):
         raise UsageError(
-            f"a sweep needs a simulated robot, and {request.robot} is real",
+            f"a sweep needs a simulated robot, and {setup.robot} is real",
             advice="run one campaign at a time",
             code="real-robot",
         )
-    if len(models) > 1 and request.model_options:
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in request.model_options)
+    if len(models) > 1 and setup.model_options:
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in setup.model_options)
         raise UsageError(f"{options} is for one model, and there are {len(models)}", advice="sweep each on its own")
     for name in models:
         locate(name)
-    named_goals(request.goals)
+    named_goals(setup.goals)
     if (count := len(seeds) * len(sites) * len(models)) > MOST_CAMPAIGNS:
         raise UsageError(f"that is {count:,} campaigns, more than {MOST_CAMPAIGNS:,}", advice="sweep a part of it")
-    at_site: dict[str, PlannedCampaign] = {}
+    at_site: dict[str, RunRequest] = {}
     sample: Site | None = None
     for place in sites:
         is_generated = place.startswith(FLAT)
         if is_generated and sample is not None:
-            site, name = sample, f"flat-{place.removeprefix(FLAT)}"  # each is generated when its campaign begins
+            site = sample  # each is generated when its campaign begins
         else:
-            site = named_site(place)
-            name, sample = site.name, site if is_generated else sample
-        may_lack_goals = is_generated and len(sites) > 1
-        goals, starts = _max_goals(request.goals, site, generated=may_lack_goals), choose_starts(request.starts, site)
-        here = replace(request, site=place, skips_absent_goals=may_lack_goals)
-        at_site[place] = PlannedCampaign(here, goals * len(starts) * request.repetitions, name, len(starts))
+            site = setup.site if place == request.site else named_site(place)
+            sample = site if is_generated else sample
+        several = is_generated and len(sites) > 1
+        at_site[place] = request.at_one_of_several_flats(place, site) if several else request.at(place, site)
     return tuple(
-        replace(at_site[place], request=replace(at_site[place].request, model=model, seed=seed))
+        replace(at_site[place], setup=replace(at_site[place].setup, model=model), seed=seed)
         for seed in seeds
         for place in sites
         for model in models
     )
-
-
-def _max_goals(requested: Sequence[str], site: Site, *, generated: bool) -> int:
-    """Return the maximum number of goals at a site; one of several generated sites may lack some.
-
-    Raises:
-        UsageError: the site, or every generated site, lacks a goal (`unknown-goal`).
-    """
-    present, absent = present_goals(requested, site)
-    if generated and absent:
-        if lost := [name for name in absent if canonical_category(name) not in CATEGORIES]:
-            known = [name for name in sorted(CATEGORIES) if near_category(lost[0]) == name]
-            advice = f"did you mean {known[0]!r}?" if known else f"their goals are {', '.join(sorted(CATEGORIES))}"
-            raise UsageError(f"no generated flat has goal {lost[0]!r}", advice=advice, code="unknown-goal")
-        return len(absent) + (max_goals(present, site) if present else 0)
-    return max_goals(requested, site)
 
 
 def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
@@ -141,16 +114,16 @@ def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
     left = done = 0
     seconds = 0.0
     known_of: dict[str, int] = {}
-    for campaign in sweep:
-        request = campaign.request
-        condition = request.model, campaign.site_name, request.seed, request.disturbances.text
-        has = min(campaign.trials, throughput.done.get(condition, 0))
+    for request in sweep:
+        model, trials = request.setup.model, request.max_trials
+        condition = model, request.site_name, request.seed, request.setup.disturbances.text
+        has = min(trials, throughput.done.get(condition, 0))
         done += has
-        left += campaign.trials - has
-        mean_s, episodes = throughput.seconds.get(request.model, (UNKNOWN_PACE_S, 0))
-        known_of[request.model] = episodes
-        seconds += (campaign.trials - has) * mean_s
-    workers = sweep[0].request.workers.count or Capacity.of_this_machine().cores
+        left += trials - has
+        mean_s, episodes = throughput.seconds.get(model, (UNKNOWN_PACE_S, 0))
+        known_of[model] = episodes
+        seconds += (trials - has) * mean_s
+    workers = sweep[0].workers.count or Capacity.of_this_machine().cores
     starting_s = STARTUP_S + NEXT_STARTUP_S * (len(sweep) - 1)
     return Cost(len(sweep), left + done, done, seconds / workers + starting_s, workers, sum(known_of.values()))
 
@@ -163,45 +136,24 @@ def run_sweep(sweep: Sweep, operators: OperatorProvider, viewer: EpisodeViewer |
     Raises:
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
-    total, before = sum(campaign.trials for campaign in sweep), 0
+    total, before = sum(request.max_trials for request in sweep), 0
     with SharedWorkers() as shared:
-        for number, campaign in enumerate(sweep, start=1):
-            request = campaign.request
+        for number, request in enumerate(sweep, start=1):
             label = f"{number}/{len(sweep)} seed {request.seed}"
-            in_sweep = _SweepOperators(operators, label, before, total)
+            in_sweep = replace(operators, label=label, before=before, of_sweep=total)
             try:
-                yield Swept(request, launch(request, in_sweep, viewer, shared))
+                yield Swept(request, launch(request.ready(), in_sweep, viewer, shared))
             except NoGoalPresentError as absent:
                 logger.warning("%s", absent)
-                yield Swept(request, None, is_skipped=True)
+                yield Swept(request, absent)
             except VsnbenchError as error:
                 logger.warning("%s: %s", request.label, error)
-                yield Swept(request, None, str(error))
-            before += campaign.trials
-
-
-@dataclass(frozen=True, slots=True)
-class _SweepOperators(OperatorProvider):
-    """Shows the progress of a campaign as a part of the sweep."""
-
-    operators: OperatorProvider
-    label: str
-    before: int
-    """Trials of the campaigns before."""
-    total: int
-    """Trials of the sweep."""
-
-    def require(self, profile: RobotProfile) -> None:
-        self.operators.require(profile)
-
-    def attend(self, session: OperatorSession) -> AbstractContextManager[Operator]:
-        others = TrialCounts(max(self.total - session.trials.total, self.before), self.before)
-        label = f"{self.label}: {session.label}"
-        return self.operators.attend(replace(session, label=label, other_trials=others, recording_note=""))
+                yield Swept(request, error)
+            before += request.max_trials
 
 
 def undone(swept: Sequence[Swept]) -> tuple[int, int]:
     """Return the number of trials of a sweep that are left, and of campaigns that could not run."""
-    results = [campaign.launched.result for campaign in swept if campaign.launched is not None]
-    failed = sum(campaign.launched is None and not campaign.is_skipped for campaign in swept)
+    failed = sum(campaign.session is None and not campaign.is_skipped for campaign in swept)
+    results = [result for campaign in swept if (result := campaign.session) is not None]
     return sum(result.left + result.elsewhere for result in results), failed

@@ -13,16 +13,14 @@ from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
-from vsnbench.runner.setup.selection import choose_starts, named_site, resolve_goals
 from vsnbench.runner.setup.sweep import Sweep
-from vsnbench.sites.site import Site
 
 logger = logging.getLogger(__name__)
 
 
 def untimed_models(sweep: Sweep, throughput: Throughput) -> list[str]:
     """Return the models of a sweep without recorded episodes."""
-    models = dict.fromkeys(campaign.request.model for campaign in sweep)
+    models = dict.fromkeys(request.setup.model for request in sweep)
     return [model for model in models if model not in throughput.seconds]
 
 
@@ -37,10 +35,10 @@ def time_models(sweep: Sweep, throughput: Throughput, operators: OperatorProvide
     """
     seconds = dict(throughput.seconds)
     for model in untimed_models(sweep, throughput):
-        request = next(campaign.request for campaign in sweep if campaign.request.model == model)
+        request = next(request for request in sweep if request.setup.model == model)
         with ScratchDirectory("timing") as scratch:
             results = ResultsDirectory.locate(scratch.path / "results", environment={})
-            for trial in _single_trials(request, named_site(request.site), results):
+            for trial in _single_trials(request, results):
                 try:
                     launch(trial, operators)
                 except VsnbenchError as error:  # the model may not know this goal
@@ -52,17 +50,16 @@ def time_models(sweep: Sweep, throughput: Throughput, operators: OperatorProvide
     return replace(throughput, seconds=seconds)
 
 
-def _single_trials(request: RunRequest, site: Site, results: ResultsDirectory) -> Iterator[RunRequest]:
+def _single_trials(request: RunRequest, results: ResultsDirectory) -> Iterator[RunRequest]:
     """Yield requests for one trial each: every goal from its first starting position."""
-    requested = resolve_goals(request.goals, site)
-    goals = sorted(site.categories) if "all" in requested else requested
-    for goal in goals:
-        open_starts = [start for start in choose_starts(request.starts, site) if (goal, start) not in site.excluded]
+    site, goals = request.setup.site, request.setup.goals
+    for goal in sorted(site.categories) if "all" in goals else goals:
+        open_starts = [start for start in request.start_numbers if (goal, start) not in site.excluded]
         if open_starts:
             yield replace(
                 request,
-                goals=(goal,),
-                starts=str(open_starts[0]),
+                setup=replace(request.setup, goals=(goal,)),
+                starts=(open_starts[0],),
                 repetitions=1,
                 results=results,
                 workers=WorkerOptions(1),

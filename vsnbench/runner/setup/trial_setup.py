@@ -19,6 +19,7 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.fit.camera import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
+from vsnbench.models.names import is_third_party
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
@@ -27,7 +28,7 @@ from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles
-from vsnbench.results.writing.campaigns import ModelIdentity
+from vsnbench.results.writing.campaigns import model_sha256
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
@@ -58,7 +59,7 @@ class TrialSetupSpec:
     site: Site
     model: str
     goals: tuple[str, ...]
-    """As requested: names, or `all`."""
+    """Names of the site's goals, or `all`."""
     robot: str = "simulated"
     noise: bool = False
     rehearsal: bool = False
@@ -67,8 +68,10 @@ class TrialSetupSpec:
     """Of what the model sees."""
     parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
     model_options: Mapping[str, Any] = field(default_factory=dict)
+    device: str | None = None
+    """Device for a model that has one and no other in its options; None for the model's default."""
     act_timeout_s: float | None = None
-    """Time limit for an action of a model in this process; None for none."""
+    """Time limit for an action; None for no limit, or the connection's for a model in another process."""
     isolation: Isolation | None = None
     """Runs the model in a separate process."""
     fit: Fit = Fit.FULL
@@ -83,7 +86,22 @@ class TrialSetupSpec:
             for name in ("runtime", "device")
             if name in card.runs_on and self.model_takes(name) and (name == "runtime" or card.runs_on[name] in DEVICES)
         }
-        return replace(self, model_options={**self.model_options, **chosen}) if chosen else self
+        return replace(self, model_options={**self.options, **chosen}) if chosen else self
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Arguments of the model's constructor, with the device."""
+        if self.device is None or not self._has_device:
+            return self.model_options
+        return {"device": self.device, **self.model_options}
+
+    @property
+    def _has_device(self) -> bool:
+        """Whether the model has a device. Of isolated models, only the package's own are known here."""
+        if self.isolation is None:
+            return self.model_takes("device")
+        own = self.isolation.python is None and not is_third_party(self.model)
+        return own and "device" in keywords_of(locate(self.model)[1])
 
     def model_takes(self, option: str) -> bool:
         """Return whether the model has an option of that name; False for one in a separate process."""
@@ -98,12 +116,14 @@ class SetupDescription:
     sensors: frozenset[Sensor]
     conditions: Mapping[str, Any]
     card: ModelCard
-    model: ModelIdentity
+    model: ModelCard
     goals: tuple[str, ...]
     """Requested categories that the site has and the model knows."""
     needs_operator: bool = False
     seen_camera: Camera | None = None
     """Camera of the images that the model receives; None if unknown."""
+    sessions: int | None = None
+    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     @property
     def title(self) -> str:
@@ -119,7 +139,7 @@ class SetupDescription:
         """Return how another setup with the same spec differs; empty if it does not."""
         pairs = {
             "robot": (self.robot.sha256, other.robot.sha256),
-            "model": (self.model.sha256, other.model.sha256),
+            "model": (model_sha256(self.model), model_sha256(other.model)),
             "conditions": (dict(self.conditions), dict(other.conditions)),
         }
         return ", ".join(f"{name} {ours} and {theirs}" for name, (ours, theirs) in pairs.items() if ours != theirs)
@@ -132,8 +152,6 @@ class TrialSetup:
     robot: Robot
     policy: Policy
     description: SetupDescription
-    sessions: int | None = None
-    """Number of clients that the model's server takes; None for a model that every worker has for itself."""
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses; a worker gives the driver's command line."""
@@ -157,7 +175,7 @@ def open_trial_setup(spec: TrialSetupSpec) -> Iterator[TrialSetup]:
     with process_exit_refused(), floating_point_restored():
         policy = load_policy(spec)
         try:
-            choose_goals(spec.goals, spec.site, policy.card)
+            spec = replace(spec, goals=choose_goals(spec.goals, spec.site, policy.card))
             used = policy.card.sensors | (frozenset() if spec.keep is KeepFiles.NONE else {Sensor.RGB})
             with open_robot(
                 spec.robot,
@@ -179,8 +197,12 @@ def load_policy(spec: TrialSetupSpec) -> LoadedPolicy:
         UsageError: the model or one of its options does not exist.
         ModelError: the model cannot be made.
     """
-    policy = create_policy(spec.model, spec.isolation, **spec.model_options)
-    return LoadedPolicy(policy, spec.act_timeout_s, remote=isinstance(policy, RemotePolicy))
+    policy = create_policy(spec.model, spec.isolation, **spec.options)
+    if not isinstance(policy, RemotePolicy):
+        return LoadedPolicy(policy, spec.act_timeout_s)
+    if spec.act_timeout_s is not None:
+        policy.limit_actions(spec.act_timeout_s)
+    return LoadedPolicy(policy, remote=True)
 
 
 def use_one_thread_in_simulation(robot: str) -> None:
@@ -190,14 +212,16 @@ def use_one_thread_in_simulation(robot: str) -> None:
 
 
 def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> TrialSetup:
-    """Combine a policy and a robot, and check that they fit together.
+    """Combine a policy and a robot, and check that they fit together. The spec's goals are those of `choose_goals`.
 
     Raises:
-        UsageError: the model does not know a goal, the robot lacks a sensor, or its images cannot be cropped.
+        UsageError: the robot lacks a sensor, or its images cannot be cropped.
     """
     identity = identity_of(robot)
     camera = identity.profile.camera.without_roll
     crop = crop_for(policy.card, identity.profile.name, camera) if spec.fit is Fit.CROP else None
+    model = policy.policy
+    sessions = model.sessions if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy) else None
     description = SetupDescription(
         robot=identity,
         sensors=robot.sensors,
@@ -207,20 +231,17 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
             **({} if crop is None else crop_condition(crop)),
         },
         card=policy.card,
-        model=_identity(spec, policy),
-        goals=choose_goals(spec.goals, spec.site, policy.card),
+        model=policy.card.recorded(files_handed_over(spec.model, policy.policy, spec.options), code_of(policy.policy)),
+        goals=spec.goals,
         needs_operator=robot.needs_operator,
         seen_camera=crop or camera,
+        sessions=sessions,
     )
     _check_sensors(description)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
-    model = policy.policy
-    sessions = None
-    if isinstance(model, RemotePolicy) and not isinstance(model, IsolatedPolicy):
-        sessions = model.sessions
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, sessions)
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
 
 
 def close_policy(policy: Policy) -> None:
@@ -245,26 +266,6 @@ def _end_with_stuck_model() -> None:
         b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n",
     )
     end_process_now(ExitCode.FAILED)
-
-
-def _identity(spec: TrialSetupSpec, policy: LoadedPolicy) -> ModelIdentity:
-    card = policy.card
-    settings = dict(card.settings)
-    if card.action_kinds != frozenset({ActionKind.DISCRETE}):
-        settings["action_kinds"] = sorted(card.action_kinds)
-    if card.action_map:
-        settings["action_map"] = {action.value: replaced.value for action, replaced in sorted(card.action_map.items())}
-    return ModelIdentity(
-        name=card.name,
-        goals=card.goals,
-        sensors=frozenset(sensor.value for sensor in card.sensors),
-        weights_sha256=card.weights_sha256,
-        weights_label=card.weights_label,
-        settings=settings,
-        surveyed=policy.needs_survey,
-        files=files_handed_over(spec.model, policy.policy, spec.model_options),
-        code=code_of(policy.policy),
-    )
 
 
 def _check_sensors(description: SetupDescription) -> None:

@@ -4,7 +4,7 @@ import logging
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.setup.launch import check_survey
-from vsnbench.runner.setup.selection import choose_starts, resolve_goals
+from vsnbench.runner.setup.selection import choose_goals, choose_starts, resolve_goals
 from vsnbench.runner.setup.trial_setup import (
     TrialSetup,
     TrialSetupSpec,
@@ -138,11 +138,12 @@ class StudyPlace:
             rehearsal=self.study.rehearse,
             parameters=self.study.protocol,
             model_options=self.options(arm),
-            act_timeout_s=None if chosen.elsewhere else chosen.act_timeout,
+            act_timeout_s=chosen.act_timeout,
         )
         policy = load_policy(spec)
         try:
-            return prepare_setup(spec, policy, robot)
+            goals = choose_goals(spec.goals, spec.site, policy.card)
+            return prepare_setup(replace(spec, goals=goals), policy, robot)
         except BaseException as error:
             close_policy(policy)
             if isinstance(error, UsageError):

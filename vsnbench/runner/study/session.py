@@ -6,26 +6,25 @@ from functools import partial
 from vsnbench.errors import RobotError, StudyError
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.studies.entries import SESSION, SESSION_END
+from vsnbench.results.writing.campaigns import model_sha256
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
-from vsnbench.runner.loop.run import run
-from vsnbench.runner.loop.session_context import SessionContext
-from vsnbench.runner.operator.progress import TrialCounts
-from vsnbench.runner.operator.provider import OperatorProvider, OperatorSession
-from vsnbench.runner.setup.cleanup import sweep_results
+from vsnbench.runner.loop.contract import Session, SessionResult
+from vsnbench.runner.operator.contract import TrialCounts
+from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.session import run_session
 from vsnbench.runner.setup.model_cache import ModelCache
 from vsnbench.runner.setup.trial_setup import close_policy
-from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runner.study.arms import revealing_words
-from vsnbench.runner.study.blinding import BlindOperator, BlindViewer
+from vsnbench.runner.study.blinding import BlindViewer
 from vsnbench.runner.study.output_redaction import OutputRedaction
-from vsnbench.runner.study.source import StudyRequest, StudyResult, StudySource
+from vsnbench.runner.study.source import StudyRequest, StudySource, arm_of
 
 
-def run_study(request: StudyRequest, operators: OperatorProvider, viewer: EpisodeViewer | None = None) -> StudyResult:
+def run_study(request: StudyRequest, operators: OperatorProvider, viewer: EpisodeViewer | None = None) -> SessionResult:
     """Run the scheduled trials that are left.
 
     Raises:
@@ -44,23 +43,28 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
         request.results.prepare()
         journal.note_in_study(recorded.id, SESSION, provenance.operator)
         stack.callback(journal.note_in_study, recorded.id, SESSION_END)
-        if viewer is not None:
-            viewer = BlindViewer(viewer) if recorded.is_blind else viewer
-            viewer.prepare()
-        sweep_results(request.results, journal)
-        stop_requests = stack.enter_context(StopRequests())
-        stop_requests.last_acts.append(robot.halt)
-        source = StudySource(journal, request)
-        session = _operator_session(request, journal, robot, stop_requests, provenance.operator)
-        operator = stack.enter_context(operators.attend(session))
-        if recorded.is_blind:
-            operator = BlindOperator(operator)
-        journal.patience.gives_up = lambda: stop_requests.session_ends
         load = partial(_load_arm, request, robot, journal, redaction)
         models = stack.enter_context(ModelCache(load, request.memory_bytes))
-        recording = RecordingOptions(request.results, viewer, provenance.operator)
-        context = SessionContext(journal, operator, stop_requests, place.site, place.study.protocol, recording)
-        return source.result(run(source, InProcessExecutor(context, robot, models), operator))
+        if viewer is not None and recorded.is_blind:
+            viewer = BlindViewer(viewer)
+        progress = journal.study_progress(recorded.id)
+        results = [bool(trial.success) for trial in progress if trial.done]
+        session = Session(
+            journal=journal,
+            robots=InProcessExecutor(
+                robot,
+                take=lambda trial: models.take(arm_of(recorded, trial)),
+                drop=lambda trial: models.drop(arm_of(recorded, trial)),
+            ),
+            recording=RecordingOptions(request.results, viewer, provenance.operator),
+            site=place.site,
+            parameters=place.study.protocol,
+            label=recorded.title,
+            trials=TrialCounts(len(progress), len(results), sum(results)),
+            campaign_ids=tuple(arm.campaign_id for arm in recorded.arms),
+            is_blind=recorded.is_blind,
+        )
+        return run_session(session, operators, lambda begun: StudySource(begun.journal, request))
 
 
 def _open_robot(stack: ExitStack, request: StudyRequest, journal: Journal, operators: OperatorProvider) -> Robot:
@@ -83,31 +87,6 @@ def _open_robot(stack: ExitStack, request: StudyRequest, journal: Journal, opera
     return robot
 
 
-def _operator_session(
-    request: StudyRequest, journal: Journal, robot: Robot, stop_requests: StopRequests, operator_name: str
-) -> OperatorSession:
-    recorded, place = request.recorded, request.place
-    progress = journal.study_progress(recorded.id)
-    results = [bool(trial.success) for trial in progress if trial.done]
-    return OperatorSession(
-        label=recorded.title,
-        trials=TrialCounts(len(progress), len(results), sum(results)),
-        parameters=place.study.protocol,
-        needs_operator=robot.needs_operator,
-        halt=robot.halt,
-        stop_requests=stop_requests,
-        site=place.site,
-        robot_radius_m=robot.identity.profile.base.radius_m,
-        journal=journal,
-        results=request.results,
-        campaign_ids=tuple(arm.campaign_id for arm in recorded.arms),
-        operator_name=operator_name,
-        is_blind=recorded.is_blind,
-        glimpse=robot.preview if robot.has_preview else None,
-        battery=lambda: robot.battery,
-    )
-
-
 def _load_arm(
     request: StudyRequest, robot: Robot, journal: Journal, redaction: OutputRedaction | None, arm: str
 ) -> DrivingModel:
@@ -125,7 +104,7 @@ def _load_arm(
     if plan.key != locked.campaign_key:
         what = (
             "its weights, settings or code are not those that were locked"
-            if plan.model.sha256 != locked.model_sha256
+            if model_sha256(plan.model) != locked.model_sha256
             else "the site, the robot or its conditions are not those that were locked"
         )
         close_policy(policy)

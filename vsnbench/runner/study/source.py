@@ -7,12 +7,13 @@ from datetime import datetime
 
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.studies.entries import OVER, SUSPEND, RecordedStudy, StudyTrialProgress
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.loop.contract import EpisodeFinished, ScheduledTrial, TrialSource
+from vsnbench.runner.loop.contract import EpisodeEnded, SessionResult, TrialSource
 from vsnbench.runner.loop.follow_up import FollowUp, FollowUpRules
 from vsnbench.runner.operator.contract import Operator, SessionEndedError
 from vsnbench.runner.study.arms import StudyPlace
-from vsnbench.study.stopping import Decision, decide
+from vsnbench.study.stopping import StoppingDecision, decide
 from vsnbench.study.units import shared_blocks
 
 logger = logging.getLogger(__name__)
@@ -33,23 +34,9 @@ class StudyRequest:
     """Memory for the loaded models together; half of the machine's when None."""
 
 
-@dataclass(frozen=True, slots=True)
-class StudyResult:
-    """Result of a session of a study."""
-
-    episodes: int
-    void: int
-    left: int
-    """Scheduled trials without a result that are still needed."""
-    elsewhere: int
-    """Trials that another process is running."""
-    awaiting: int
-    """Trials whose episode awaits an operator's judgement."""
-    suspended: tuple[str, ...]
-    """Arms whose model could not be used, by the name that people may see."""
-    over: str
-    """Why no further trial is needed although some are left; empty otherwise."""
-    stopped_because: str = ""
+def arm_of(study: RecordedStudy, trial: Trial) -> str:
+    """Return the name of the arm whose model drives in a trial: each arm has its own campaign."""
+    return next(arm.name for arm in study.arms if arm.campaign_id == trial.campaign_id)
 
 
 class StudySource(TrialSource):
@@ -69,7 +56,7 @@ class StudySource(TrialSource):
         """IDs of trials that the operator skipped; they run when no other trial is left."""
         self._decision = self._decide(self._progress())
 
-    def next_trial(self) -> ScheduledTrial | None:
+    def next_trial(self) -> Trial | None:
         """Return the first scheduled trial that is left and needed.
 
         Raises:
@@ -82,20 +69,20 @@ class StudySource(TrialSource):
             trial_id = scheduled.trial.id
             if scheduled.left and scheduled.arm not in inactive and trial_id not in set_aside:
                 self._check_time()
-                return ScheduledTrial(scheduled.trial.campaign_id, trial_id, scheduled.arm)
+                return scheduled.trial
         return None
 
-    def postpone(self, trial: ScheduledTrial) -> None:
+    def postpone(self, trial: Trial) -> None:
         """Run a trial when no other is left."""
-        self._postponed.add(trial.trial_id)
+        self._postponed.add(trial.id)
 
-    def mark_unavailable(self, trial: ScheduledTrial) -> None:
+    def mark_unavailable(self, trial: Trial) -> None:
         """Leave a trial to the process that has claimed it."""
-        self._unavailable.add(trial.trial_id)
+        self._unavailable.add(trial.id)
 
-    def add_outcome(self, finished: EpisodeFinished, follow_up: FollowUp) -> None:
+    def add_outcome(self, ended: EpisodeEnded, follow_up: FollowUp) -> None:
         """Suspend a failing model, and decide after a result whether further trials are needed."""
-        arm, outcome = finished.trial.model, finished.outcome
+        arm, outcome = arm_of(self._study, ended.claim.trial), ended.outcome
         if follow_up.suspends_model:
             self._suspended.append(arm)
             self._journal.note_in_study(self._study.id, SUSPEND, f"{arm}: {outcome.error}")
@@ -113,13 +100,14 @@ class StudySource(TrialSource):
             return True
         return bool(operator.nothing_left())
 
-    def result(self, stopped_because: str) -> StudyResult:
+    def result(self, stopped_because: str) -> SessionResult:
         """Return the result of the session."""
         progress = self._progress()
         needed = [] if self._decision.over else [trial for trial in progress if trial.arm not in self._decision.dropped]
-        return StudyResult(
+        return SessionResult(
             episodes=self.rules.episodes,
             void=self.rules.void,
+            trials=len(progress),
             left=sum(trial.left for trial in needed),
             elsewhere=sum(trial.state is not None and not trial.done and not trial.here for trial in needed),
             awaiting=sum(trial.done and trial.success is None for trial in progress),
@@ -140,10 +128,10 @@ class StudySource(TrialSource):
         if until is not None and datetime.now(until.tzinfo) >= until:
             raise SessionEndedError(f"it is {until:%H:%M}")
 
-    def _decide(self, progress: Sequence[StudyTrialProgress]) -> Decision:
+    def _decide(self, progress: Sequence[StudyTrialProgress]) -> StoppingDecision:
         plan = self._request.place.study
         if plan.stopping != "decided":
-            return Decision((), {}, "")
+            return StoppingDecision((), {}, "")
         decision = decide(plan, shared_blocks(progress, plan.goals))
         if decision.over and not any(entry.kind == OVER for entry in self._study.entries):
             self._journal.note_in_study(self._study.id, OVER, decision.over)

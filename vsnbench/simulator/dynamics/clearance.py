@@ -11,7 +11,7 @@ from vsnbench.simulator.furniture.canvas import rotation_matrix
 from vsnbench.simulator.primitives import Primitive
 
 
-class NearestSolid:
+class SolidDistances:
     """Distances to the bounding rectangles of the solids in a range of heights."""
 
     def __init__(self, solids: list[Primitive], low_m: float, high_m: float) -> None:

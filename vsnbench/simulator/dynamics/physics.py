@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from vsnbench.control.command import Command
-from vsnbench.simulator.dynamics.clearance import NearestSolid
+from vsnbench.simulator.dynamics.clearance import SolidDistances
 from vsnbench.simulator.primitives import Primitive, Scene, Shape
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_profile import Base
@@ -81,7 +81,7 @@ class Physics:
         self._base = base
         self._top_m_s, self._top_rad_s = base.max_linear_m_s, base.max_angular_rad_s
         solids = [part for part in scene.primitives if part.solid and part.category not in _BUILT_IN]
-        self._clearance = NearestSolid(solids, _GROUND_CLEARANCE_M, base.height_m)
+        self._clearance = SolidDistances(solids, _GROUND_CLEARANCE_M, base.height_m)
         self._open = _World(mujoco.MjModel.from_xml_string(_world_xml([], base)))
         self._furnished = _World(mujoco.MjModel.from_xml_string(_world_xml(self._clearance.solids, base)))
         self._world = self._open

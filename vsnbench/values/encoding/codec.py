@@ -9,8 +9,8 @@ values of bounded size, or raises DecisionError.
 import base64
 import binascii
 import math
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -156,41 +156,47 @@ def observation_to_message(
 
 def _shown(diagnostics: Diagnostics) -> dict[str, Any]:
     """Return the diagnostics for a viewer; empty parts are omitted."""
-    grid = diagnostics.map
-    shown: dict[str, Any] = {
-        "boxes": [[b.left, b.top, b.right, b.bottom, b.label, b.score] for b in diagnostics.boxes],
-        "map": None if grid is None else _map_to_json(grid),
-        "sub_goal": None if diagnostics.sub_goal is None else list(diagnostics.sub_goal),
-        "path": [list(point) for point in diagnostics.path],
-        "nodes": [list(point) for point in diagnostics.nodes],
-        "scalars": {name: value if math.isfinite(value) else None for name, value in diagnostics.scalars.items()},
-        "note": diagnostics.note,
-    }
+    shown = {name: to_json(getattr(diagnostics, name)) for name, (to_json, _) in _SHOWN_PARTS.items()}
     return {name: value for name, value in shown.items() if value}
 
 
 def _diagnostics(probabilities: Any, shown: Mapping[str, Any], details: Any) -> Diagnostics:
-    """Return diagnostics from their parts; only errors of construction are checked."""
-    boxes = shown.get("boxes") or ()
+    """Return diagnostics from their parts, which `checked_diagnostics` validates; here they only get their types."""
+    parts = {name: from_json(shown[name]) for name, (_, from_json) in _SHOWN_PARTS.items() if shown.get(name)}
+    return Diagnostics(probabilities=probabilities, details=details, **parts)
+
+
+def _unchanged(value: Any) -> Any:
+    return value
+
+
+def _points_to_json(points: Sequence[tuple[float, float]]) -> list[list[float]]:
+    return [list(point) for point in points]
+
+
+def _boxes_to_json(boxes: Sequence[Box]) -> list[list[Any]]:
+    return [[box.left, box.top, box.right, box.bottom, box.label, box.score] for box in boxes]
+
+
+def _boxes_from_json(boxes: Any) -> tuple[Box, ...]:
     if not isinstance(boxes, list | tuple) or not all(isinstance(box, list | tuple) and len(box) == 6 for box in boxes):
         raise DecisionError("boxes must be a list of [left, top, right, bottom, label, score]")
-    scalars = shown.get("scalars") or {}
-    if isinstance(scalars, Mapping):
-        scalars = {name: math.nan if value is None else value for name, value in scalars.items()}
-    return Diagnostics(
-        probabilities=probabilities,
-        boxes=tuple(Box(*box) for box in boxes),
-        map=_map_from_json(shown["map"]) if shown.get("map") else None,
-        sub_goal=shown.get("sub_goal"),
-        path=shown.get("path") or (),
-        nodes=shown.get("nodes") or (),
-        scalars=scalars,
-        note=shown.get("note") or "",
-        details=details,
-    )
+    return tuple(Box(*box) for box in boxes)
 
 
-def _map_to_json(grid: GridMap) -> dict[str, Any]:
+def _scalars_to_json(scalars: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in scalars.items()}
+
+
+def _scalars_from_json(scalars: Any) -> Any:
+    if not isinstance(scalars, Mapping):
+        return scalars
+    return {name: math.nan if value is None else value for name, value in scalars.items()}
+
+
+def _map_to_json(grid: GridMap | None) -> dict[str, Any] | None:
+    if grid is None:
+        return None
     return {
         "png": base64.b64encode(encode_png(grid.cells)).decode(),
         "origin_m": [grid.origin_x_m, grid.origin_y_m],
@@ -221,6 +227,18 @@ def _map_from_json(stored: object) -> GridMap:
     if cells is None:
         raise DecisionError("map.png is damaged")
     return GridMap(cells, origin[0], origin[1], stored.get("resolution_m"))  # type: ignore[arg-type]
+
+
+_SHOWN_PARTS: Final[Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]]] = {
+    "boxes": (_boxes_to_json, _boxes_from_json),
+    "map": (_map_to_json, _map_from_json),
+    "sub_goal": (lambda point: point and list(point), _unchanged),
+    "path": (_points_to_json, _unchanged),
+    "nodes": (_points_to_json, _unchanged),
+    "scalars": (_scalars_to_json, _scalars_from_json),
+    "note": (_unchanged, _unchanged),
+}
+"""Field of `Diagnostics` that the viewer shows -> function to JSON, and back."""
 
 
 def _image(encoding: str, pixels: npt.NDArray[Any], data: bytes | memoryview) -> dict[str, Any]:

@@ -36,7 +36,7 @@ class Area:
         return Area(self.left + margin, self.top + margin, self.width - 2 * margin, self.height - 2 * margin)
 
 
-class Canvas:
+class FrameCanvas:
     """One frame of a video."""
 
     def __init__(self, width: int, height: int, background: Rgb = PAPER) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from vsnbench.errors import UsageError
 from vsnbench.files.mp4 import write_mp4
 from vsnbench.viewer.replay import EpisodeReplay
-from vsnbench.viewer.video.canvas import Area, Canvas, Image
+from vsnbench.viewer.video.canvas import Area, FrameCanvas, Image
 from vsnbench.viewer.video.panel import EpisodePanel, PanelStyle
 
 SIZES = {"talk": (1280, 720), "web": (854, 480)}
@@ -55,7 +55,7 @@ def write_video(
 
     def drawn() -> Iterator[Image]:
         for number in range(frames):
-            canvas = Canvas(*chosen.size)
+            canvas = FrameCanvas(*chosen.size)
             for panel in panels:
                 panel.draw(canvas, number)
             yield canvas.pixels()

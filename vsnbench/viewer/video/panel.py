@@ -12,7 +12,7 @@ from vsnbench.values.encoding.images import decode_picture
 from vsnbench.values.movement import movement_text
 from vsnbench.values.step import driven_path
 from vsnbench.viewer.replay import EpisodeReplay
-from vsnbench.viewer.video.canvas import FAINT, INK, Area, Canvas, Image, Rgb
+from vsnbench.viewer.video.canvas import FAINT, INK, Area, FrameCanvas, Image, Rgb
 from vsnbench.viewer.video.plan import PATH_RGB, PlanPicture
 
 SUCCESS_RGB: Rgb = (22, 120, 58)
@@ -84,7 +84,7 @@ class EpisodePanel:
         """Number of frames."""
         return len(self._steps) + 1
 
-    def draw(self, canvas: Canvas, frame: int) -> None:
+    def draw(self, canvas: FrameCanvas, frame: int) -> None:
         """Draw a frame, from 0; later ones show the end."""
         is_end = frame >= len(self._steps)
         number = min(frame, len(self._steps) - 1)
@@ -104,7 +104,7 @@ class EpisodePanel:
             done = self._banner.inset(self._line // 2)
             canvas.write(f"action {number + 1} of at most {limit}", done, self._style.text, FAINT)
 
-    def _write_step(self, canvas: Canvas, entry: StepEntry) -> None:
+    def _write_step(self, canvas: FrameCanvas, entry: StepEntry) -> None:
         step, words = entry.step, self._words
         lines = [(_action(entry), INK, True)]
         if step.blocked:
@@ -136,7 +136,7 @@ class EpisodePanel:
         word = "success" if verdict.success else _spoken(verdict.end_reason.value)
         return f"{word}, {counted(end.actions, 'action')}", color
 
-    def _write_result(self, canvas: Canvas) -> None:
+    def _write_result(self, canvas: FrameCanvas) -> None:
         text, color = self._result()
         canvas.fill(self._banner, color)
         margin = self._style.text

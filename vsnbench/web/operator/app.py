@@ -21,11 +21,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.corrections import Corrections
 from vsnbench.runner.judging.decision import JudgingForm, UnconfirmedAnswerError, decide
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.answers import MisreadError
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runner.operator.prompts import Choice, OperatorPrompts
-from vsnbench.runner.operator.provider import OperatorSession
 from vsnbench.runner.operator.terminal_placing import LOOK, MOVED, TURN
 from vsnbench.text.sanitize import sanitize
 from vsnbench.web.operator.clients import Clients
@@ -59,7 +59,7 @@ _PLACING_IMAGES: Final[dict[str, tuple[Callable[[PlacementLook], bytes | None], 
 class OperatorApp:
     """The routes of the page and their shared state."""
 
-    def __init__(self, prompts: OperatorPrompts, session: OperatorSession) -> None:
+    def __init__(self, prompts: OperatorPrompts, session: Session) -> None:
         self._prompts = prompts
         self._session = session
         self._clients = Clients()
@@ -116,10 +116,9 @@ class OperatorApp:
         return Response(self._plan, media_type="image/svg+xml")
 
     async def _camera_image(self, _request: Request) -> Response:
-        last, glimpse = self._prompts.state.picture, self._session.glimpse
+        last, glimpse = self._prompts.state.picture, self._session.robots.preview
         rgb = await run_in_threadpool(glimpse) if glimpse is not None and self._prompts.driving else None
-        if rgb is None and last is not None:
-            rgb = last.rgb
+        rgb = last if rgb is None else rgb
         if rgb is None:
             raise HTTPException(404, "there is no camera image yet")
         return Response(await run_in_threadpool(_jpeg, rgb), media_type="image/jpeg")

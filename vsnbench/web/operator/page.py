@@ -8,8 +8,8 @@ from pathlib import Path
 
 import segno
 
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.prompts import OperatorPrompts
-from vsnbench.runner.operator.provider import OperatorSession
 from vsnbench.web.operator.app import OperatorApp
 from vsnbench.web_server.server import LOOPBACK, WebServer
 from vsnbench.web_server.session_key import SessionKey
@@ -25,7 +25,7 @@ class OperatorPage:
     private_key: Path | None = None
 
     @contextmanager
-    def serve(self, prompts: OperatorPrompts, session: OperatorSession) -> Iterator[str]:
+    def serve(self, prompts: OperatorPrompts, session: Session) -> Iterator[str]:
         """Serve the page while the context is entered. Yields the text that tells the terminal its address.
 
         Raises:
@@ -34,7 +34,7 @@ class OperatorPage:
         app = OperatorApp(prompts, session)
         server = WebServer(
             app.routes(),
-            SessionKey.stored(f"{session.results.path.resolve()} {self.port}"),
+            SessionKey.stored(f"{session.recording.results.path.resolve()} {self.port}"),
             address=self.address,
             port=self.port,
             certificate=self.certificate,

@@ -6,9 +6,9 @@ from typing import Any, Final
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.corrections import ShownEpisode
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import Upcoming
 from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
-from vsnbench.runner.operator.provider import OperatorSession
 from vsnbench.runner.operator.session_state import SessionState
 from vsnbench.sites.targets import goal_words, targets_of
 from vsnbench.values.pose import Pose
@@ -16,13 +16,13 @@ from vsnbench.values.pose import Pose
 MAX_STEPS: Final = 400
 
 
-def session_json(prompts: OperatorPrompts, session: OperatorSession) -> dict[str, Any]:
+def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
     """Return the state, which is the same for every client."""
     state, question = prompts.state, prompts.question
     now = datetime.now(UTC)
     ended = state.ended
     is_judging = question is not None and question.kind is QuestionKind.JUDGE
-    is_open = question is not None and question.reply is None
+    is_open = question is not None and question.answer is None
     return {
         "now": now.isoformat(),
         "label": session.label,
@@ -45,8 +45,8 @@ def session_json(prompts: OperatorPrompts, session: OperatorSession) -> dict[str
         "left_at": _pose_json(state.left_at) if state.left_at else None,
         "route": state.way,
         "revision": prompts.changes,
-        "picture": state.picture.number if state.picture else 0,
-        "has_live_camera": session.glimpse is not None,
+        "picture": state.pictures,
+        "has_live_camera": session.robots.preview is not None,
         "case": case_json(Case.of_ended(ended)) if is_judging and ended else None,
         "last": {
             "episode": ended.number,
@@ -122,7 +122,7 @@ def case_json(case: Case) -> dict[str, Any]:
 
 def episode_json(shown: ShownEpisode) -> dict[str, Any]:
     """Return a finished episode for the list."""
-    episode = shown.summary
+    episode = shown.episode
     return {
         "episode": episode.id,
         "driven_by": episode.model,

@@ -23,13 +23,13 @@ from vsnbench.report.tables.headline import headlines
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.values.encoding.images import decode_picture
-from vsnbench.viewer.replay import read_episode
+from vsnbench.viewer.replay import replay_of
 from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.web.results_browser.app import ASSETS
-from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episode_json, episodes_json, site_of
+from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episodes_json, page_of, site_of
 from vsnbench.web.site_editor.drawing import plan_svg
 from vsnbench.web_server.pages import SHARED_ASSETS
 
@@ -119,20 +119,22 @@ def _write_episodes(
         for done, row in enumerate(listed["rows"]):
             number = int(row[COLUMNS.index("id")])
             progress("episodes", done, len(listed["rows"]))
-            episode, details = episode_json(engine, number), episode_details(engine, number)
+            recorded = episode_record(engine, number)
+            steps = episode_steps(engine, number)
+            episode = page_of(recorded, steps)
             _write_answer(directory, f"data/episode-{number}.json", episode)
-            site, sha256 = site_of(details), details.provenance.site_sha256
+            site, sha256 = site_of(recorded), recorded.provenance.site_sha256
             if site is not None and sha256 not in drawn:
                 drawn.add(sha256)
                 _write_answer(directory, f"plan/{sha256}.svg", plan_svg(site))
-            written = _write_images(results, details.summary.images_directory, episode, directory)
+            written = _write_images(results, recorded.images_directory, episode, directory)
             row[COLUMNS.index("has_images")] = bool(written)
             images += written
             if not (with_videos and written):
                 continue
             try:
                 file = directory / "video" / f"{number}.mp4"
-                write_video([read_episode(results, number)], file, VideoFormat(SIZES["web"]))
+                write_video([replay_of(results, recorded, steps)], file, VideoFormat(SIZES["web"]))
                 videos += 1
             except VsnbenchError as error:
                 problems.append(error.statement)
@@ -178,13 +180,13 @@ def _headline(report: Report) -> dict[str, Any]:
                 "name": summary.condition.name,
                 "environment": summary.condition.environment,
                 "site": summary.condition.site,
-                "goals": list(headline.goals),
-                "episodes": headline.summary.episodes,
-                "successes": headline.summary.successes,
-                "success_rate": headline.summary.success_rate if headline.summary.episodes else None,
-                "interval": [headline.summary.interval.low, headline.summary.interval.high],
+                "goals": list(goals),
+                "episodes": total.episodes,
+                "successes": total.successes,
+                "success_rate": total.success_rate if total.episodes else None,
+                "interval": [total.interval.low, total.interval.high],
             }
-            for summary, headline in zip(report.results.conditions, found.by_condition, strict=True)
+            for summary, (goals, total) in zip(report.results.conditions, found.by_condition, strict=True)
         ],
         "answers": [answer for question in report.questions for answer in question.answers],
     }

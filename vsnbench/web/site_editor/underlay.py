@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.interop.ros_map import bytes_of, decoded, grid_of, parse_ros_map, read_ros_map
+from vsnbench.settings.validation import first_error
 from vsnbench.site_checks.map_walls.corners import WallLine
 from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, PlanGrid
 from vsnbench.site_checks.map_walls.lines import propose_walls
@@ -179,8 +180,8 @@ class Underlay:
         try:
             return replace(self, place=UnderlayPlace.model_validate(place))
         except ValidationError as error:
-            first = error.errors()[0]
-            raise UsageError(f"the underlay's {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+            field, problem = first_error(error, UnderlayPlace)
+            raise UsageError(f"the underlay's {field}: {problem.statement}", advice=problem.advice) from error
 
     def content(self) -> dict[str, Any]:
         """Return the place and the proposals as JSON."""

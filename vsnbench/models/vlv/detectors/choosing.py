@@ -27,7 +27,7 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
     """
     kind = _resolved(settings)
     given = expanded(settings.detector_weights) if settings.detector_weights else None
-    if kind is DetectorKind.SIMULATED:
+    if kind == "simulated":
         if given is not None:
             raise ModelError("the simulated detector has no weights", advice=f"leave out detector_weights ({given})")
         return SimulatedDetector(settings)
@@ -36,7 +36,7 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
             f"no detector at {given} (detector_weights)",
             advice="write detector_weights as an absolute path, or relative to the working directory",
         )
-    if kind is DetectorKind.ONNX:
+    if kind == "onnx":
         from vsnbench.models.vlv.detectors.onnx_detector import ONNXDetector
 
         is_chosen = "detector_threshold" in settings.model_fields_set
@@ -49,16 +49,16 @@ def open_detector(settings: VLVSettings, device: str) -> Detector:
 
 def _resolved(settings: VLVSettings) -> DetectorKind:
     """Return the kind of detector, with `auto` resolved."""
-    if settings.detector is not DetectorKind.AUTO:
+    if settings.detector != "auto":
         return settings.detector
     if settings.detector_weights:
-        return DetectorKind.ONNX if settings.detector_weights.endswith(".onnx") else DetectorKind.MASK_RCNN
+        return "onnx" if settings.detector_weights.endswith(".onnx") else "mask_rcnn"
     if (weights_directory() / MASK_RCNN_FILE).is_file():
-        return DetectorKind.MASK_RCNN
+        return "mask_rcnn"
     if (weights_directory() / ONNX_FILE).is_file():
-        return DetectorKind.ONNX
+        return "onnx"
     _warn_without_weights(weights_directory())
-    return DetectorKind.SIMULATED
+    return "simulated"
 
 
 @cache

@@ -19,7 +19,6 @@ from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
 from vsnbench.models.vlv.detectors.mask_rcnn_network import MaskRCNN, Objects
-from vsnbench.models.vlv.settings import DetectorKind
 from vsnbench.values.observation import Observation, Sensor
 
 _HEAD: Final = "roi_heads.box_predictor.cls_score.weight"
@@ -43,7 +42,7 @@ class MaskRCNNDetector(Detector):
         self._network = MaskRCNN(len(CLASSES_91))
         self._network.load_state_dict(weights)
         self._network.eval().to(device)
-        self.kind = DetectorKind.MASK_RCNN
+        self.kind = "mask_rcnn"
         self.name = f"Mask R-CNN R50-FPN ({path.name})"
         self.classes = frozenset(CLASSES_80)
         self.sensors = frozenset({Sensor.RGB})

@@ -17,7 +17,6 @@ from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.models.vlv.detectors.coco import CLASSES_80, CLASSES_91
 from vsnbench.models.vlv.detectors.contract import Detection, Detector, Reliability
 from vsnbench.models.vlv.detectors.mask_pasting import paste_mask
-from vsnbench.models.vlv.settings import DetectorKind
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.observation import Observation, Sensor
 
@@ -72,7 +71,7 @@ class ONNXDetector(Detector):
         self._classes = _classes_of(metadata, path)
         self.threshold = threshold
         self._reliability = _reliability_of(metadata, path, threshold if threshold_for_all else None)
-        self.kind = DetectorKind.ONNX
+        self.kind = "onnx"
         self.name = f"{sanitize(metadata.get(_TITLE_KEY) or 'ONNX detector')[:60]} ({path.name})"
         self.classes = frozenset(self._classes.values())
         has_masks = "masks" in self._outputs

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from vsnbench.errors import ModelError
 from vsnbench.models.vlv.detectors.contract import Detection, Detector
 from vsnbench.models.vlv.goals import CLASS_OF_GOAL
-from vsnbench.models.vlv.settings import DetectorKind, VLVSettings
+from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.values.observation import InstanceImage, Observation, Sensor
 
 _CLASSES: Final = tuple(sorted([*CLASS_OF_GOAL.values(), "potted plant", "tv"]))
@@ -28,7 +28,7 @@ class SimulatedDetector(Detector):
 
     def __init__(self, settings: VLVSettings) -> None:
         """Read recall, precision, range, minimum area and box error from the settings `simulated_*`."""
-        self.kind = DetectorKind.SIMULATED
+        self.kind = "simulated"
         self.name = (
             f"simulated detector: recall {settings.simulated_recall:g}, "
             f"precision {settings.simulated_precision:g}, range {settings.simulated_range_m:g} m"

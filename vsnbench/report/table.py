@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.distance_text import distance_text
-from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from vsnbench.statistics.rates import Interval, Proportion
     from vsnbench.text.terminal import Console
 
 UNKNOWN = "–"
@@ -125,19 +125,19 @@ def p_cell(value: float) -> Cell:
     return Cell("< 0.001", value) if value < 0.001 else decimal(value, 3)
 
 
-def interval_cell(interval: Interval, places: int, factor: int = 1) -> Cell:
+def interval_cell(interval: "Interval", places: int, factor: int = 1) -> Cell:
     """Return a cell with an interval times a factor, sorted by its lower end; a dash if it is unknown."""
     if not interval.known:
         return EMPTY
     return Cell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
 
 
-def interval_percent(interval: Interval, places: int = 2) -> Cell:
+def interval_percent(interval: "Interval", places: int = 2) -> Cell:
     """Return a cell with an interval in percent, sorted by its lower end."""
     return interval_cell(interval, places, 100)
 
 
-def rate_cells(proportion: Proportion, interval: Interval, places: int = 2) -> tuple[Cell, Cell, Cell]:
+def rate_cells(proportion: "Proportion", interval: "Interval", places: int = 2) -> tuple[Cell, Cell, Cell]:
     """Return the cells of k/n, success rate and its interval in percent."""
     return (
         of(proportion.successes, proportion.trials),
