@@ -75,6 +75,7 @@ test-quick: setup-test
 
 fuzz: setup-test ## Feed FUZZ_COUNT invalid inputs, drawn from FUZZ_SEED, to every loader.
 	$(BIN)/python -m tests.fuzz --seed $(FUZZ_SEED) --count $(FUZZ_COUNT)
+	VSNBENCH_FUZZ_SEED=$(FUZZ_SEED) VSNBENCH_FUZZ_FRAMES=$(FUZZ_COUNT) $(BIN)/python -m pytest -n 2 tests/models/remote/test_fuzz.py
 
 fmt: setup-test ## Format the code and apply automatic fixes.
 	$(BIN)/ruff check --fix .

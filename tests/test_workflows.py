@@ -10,6 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from tests.docs.pages import understand
+from tests.long_tests import LONG
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -59,3 +60,14 @@ def test_the_form_for_bugs_requires_the_doctors_report() -> None:
     assert "vsnbench doctor --json" in fields["doctor"]["attributes"]["label"]
     assert fields["doctor"]["validations"]["required"]
     assert fields["command"]["validations"]["required"]
+
+
+def test_every_test_of_the_night_exists_and_so_does_the_cheaper_one_of_every_day() -> None:
+    def is_there(name: str) -> bool:
+        place, _, test = name.partition("[")[0].partition("::")
+        file = ROOT / "tests" / place
+        return file.exists() and (not test or f"def {test}(" in file.read_text(encoding="utf-8"))
+
+    cheaper = [name for text in LONG.values() for name in re.findall(r"[\w/]+\.py(?:::\w+)?", text)]
+    assert [name for name in (*LONG, *cheaper) if not is_there(name)] == []
+    assert len(cheaper) > 20

@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -41,6 +41,10 @@ def vsnbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         os.environ.update(environment)
     captured = capsys.readouterr()
     return Answer(code, captured.out, captured.err)
+
+
+Typed = Callable[..., Answer]
+"""What the fixture `typed` returns: it runs `vsnbench` with some arguments in this process."""
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from vsnbench import __version__
 from vsnbench.cli import main as console_script
 from vsnbench.errors import RobotError, UsageError
@@ -44,51 +44,43 @@ def test_ctrl_c_while_the_command_line_is_loaded_is_one_line(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("verb", console_script.VERBS)
-def test_every_verb_exists_and_teaches_itself(
-    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_verb_exists_and_teaches_itself(typed: Typed, verb: str) -> None:
     module = importlib.import_module(console_script.VERBS[verb][0])
     assert hasattr(module, "app") or hasattr(module, "command")
-    answer = vsnbench(monkeypatch, capsys, verb, "--help")
+    answer = typed(verb, "--help")
     assert answer.code == 0
     assert f"vsnbench {verb}" in answer.out
 
 
-def test_a_command_group_alone_shows_its_help(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "episodes")
+def test_a_command_group_alone_shows_its_help(typed: Typed) -> None:
+    answer = typed("episodes")
     assert answer.code == 2
     assert "Usage: vsnbench episodes" in answer.out + answer.err
     assert "error" not in answer.err
 
 
 @pytest.mark.parametrize("words", [(), ("run",), ("episodes", "list"), ("robots", "check")])
-def test_help_shows_flags_without_a_type(
-    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, *words, "--help")
+def test_help_shows_flags_without_a_type(typed: Typed, words: tuple[str, ...]) -> None:
+    answer = typed(*words, "--help")
     assert answer.code == 0
     assert "--help" in answer.out
     assert "bool" not in answer.out
 
 
-def test_an_option_that_takes_several_values_may_be_repeated(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "report", "--only-reference", "--model", "vlv", "--model", "pirlnav")
+def test_an_option_that_takes_several_values_may_be_repeated(typed: Typed) -> None:
+    answer = typed("report", "--only-reference", "--model", "vlv", "--model", "pirlnav")
     assert answer.code == 0, answer.err
 
 
 @pytest.mark.parametrize(("error", "code"), [(UsageError("no such thing"), 2), (RobotError("wedged"), 1)])
 def test_a_known_error_is_one_line_and_its_exit_code(
-    error: Exception, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    typed: Typed, error: Exception, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(verb: str | None) -> None:
         raise error
 
     monkeypatch.setattr(console_script, "build_app", fail)
-    answer = vsnbench(monkeypatch, capsys, "run")
+    answer = typed("run")
     assert answer.code == code
     assert answer.err == f"vsnbench: error: {error}\n"
 
@@ -103,33 +95,29 @@ def test_a_known_error_is_one_line_and_its_exit_code(
     ],
     ids=repr,
 )
-def test_want_of_memory_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: Exception
-) -> None:
+def test_want_of_memory_is_one_line(typed: Typed, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     def fail(verb: str | None) -> None:
         raise error
 
     monkeypatch.setattr(console_script, "build_app", fail)
-    answer = vsnbench(monkeypatch, capsys, "run")
+    answer = typed("run")
     assert answer.code == 1
     assert answer.err.count("\n") == 1
     assert "not enough memory" in answer.err
 
 
-def test_an_unexpected_error_keeps_its_traceback(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unexpected_error_keeps_its_traceback(typed: Typed, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(verb: str | None) -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr(console_script, "build_app", fail)
     monkeypatch.setattr("vsnbench.results.schema.engine._opened", {})  # other tests' records, broken ones among them
     with pytest.raises(ZeroDivisionError):
-        vsnbench(monkeypatch, capsys, "run")
+        typed("run")
 
 
-def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert vsnbench(monkeypatch, capsys, "--version").out == f"vsnbench {__version__}\n"
+def test_the_version_is_told(typed: Typed) -> None:
+    assert typed("--version").out == f"vsnbench {__version__}\n"
 
 
 MINE = """

@@ -1,6 +1,5 @@
 """Imports from and exports to other tools; repeated and damaged imports are refused."""
 
-import csv
 import json
 import math
 from pathlib import Path
@@ -12,11 +11,10 @@ from rosbags.highlevel import AnyReader
 
 from tests.report.records import Attempt, Lab, measured, step
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.interop.episodes import ExportedEpisode, read_episodes, write_tum
+from vsnbench.interop.episodes import camera_of, read_episodes, write_tum
 from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.interop.rosbag import write_bag
-from vsnbench.interop.step_csv import write_steps
 from vsnbench.interop.upstream_log import read_upstream_log
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
@@ -24,8 +22,9 @@ from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.tables.sim_vs_real import sim_vs_real_table
-from vsnbench.results.reading.queries import campaign_states, episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.model import Episode
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
 
@@ -41,7 +40,7 @@ def lab(tmp_path: Path) -> Lab:
     return Lab(tmp_path)
 
 
-def episodes_of(lab: Lab) -> list[ExportedEpisode]:
+def episodes_of(lab: Lab) -> tuple[Episode, ...]:
     return read_episodes(lab.engine())
 
 
@@ -83,15 +82,6 @@ def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path)
     assert "-35.00" in row
 
 
-def test_the_csv_has_a_line_a_step(lab: Lab, tmp_path: Path) -> None:
-    lab.write([Attempt(steps=STEPS)])
-    engine = lab.engine()
-    assert write_steps(read_episodes(engine), lambda one: episode_steps(engine, one.id), tmp_path / "s.csv") == 3
-    rows = list(csv.DictReader((tmp_path / "s.csv").open()))
-    assert [row["blocked"] for row in rows] == ["False", "True", "False"]
-    assert float(rows[0]["world_x_m"]) == 1.25
-
-
 def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: Path) -> None:
     (number,) = lab.write([Attempt(steps=STEPS)])
     directory = lab.directory / "episodes" / f"{number:06d}"
@@ -101,7 +91,8 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert cv2.imwrite(str(directory / "rgb" / "0001.jpg"), np.zeros((3, 4, 3), np.uint8))
     assert cv2.imwrite(str(directory / "depth" / "0001.png"), depth)
     (episode,) = episodes_of(lab)
-    written = write_bag(episode, episode_steps(lab.engine(), episode.id), lab.directory, tmp_path / "e.bag")
+    record = episode_record(lab.engine(), episode.id)
+    written = write_bag(record, episode_steps(lab.engine(), episode.id), lab.directory, tmp_path / "e.bag")
     assert written["/vsnbench/action"] == 3
     assert written["/camera/color/camera_info"] == written["/camera/depth/camera_info"] == 1
     with AnyReader([tmp_path / "e.bag"]) as reader:
@@ -118,7 +109,7 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert ("odom", "base_footprint") in frames
     assert ("base_footprint", "camera_color_optical_frame") in frames
     calibration = heard["/camera/color/camera_info"][0]
-    assert calibration.K[0] == pytest.approx(episode.camera.focal_px)
+    assert calibration.K[0] == pytest.approx(camera_of(record.provenance.robot_profile).focal_px)
     (picture,) = heard["/camera/color/image_raw/compressed"]
     assert cv2.imdecode(picture.data, cv2.IMREAD_COLOR).shape == (3, 4, 3)
 
@@ -228,7 +219,7 @@ def test_an_import_that_fails_half_way_writes_neither_rows_nor_files(lab: Lab, t
         imported(lab, log)
     with lab.journal() as journal:
         assert list_episodes(journal.engine, EpisodeFilter()) == ()
-        assert campaign_states(journal.engine) == ()
+        assert list_campaigns(journal.engine) == ()
     assert sorted(path.name for path in (lab.directory / "episodes").iterdir()) == ["000002"]
 
 

@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tests.cli.test_record_verbs import vsnbench
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.queries import episode_details, episode_steps
+from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
 
 
@@ -41,8 +41,8 @@ def test_images_odometry_and_stamps_are_those_of_the_record(results: Path, tmp_p
     assert json.loads(done.stdout) == {"files": [str(tmp_path / "000001.mcap")]}
     heard, (summary, metadata) = read(tmp_path / "000001.mcap")
     with open_record(sqlite_url(results / "vsnbench.db")) as engine:
-        steps, details = episode_steps(engine, 1), episode_details(engine, 1)
-    began_s = details.summary.started_at.timestamp()
+        steps, details = episode_steps(engine, 1), episode_record(engine, 1)
+    began_s = details.started_at.timestamp()
     stamps_s = [began_s + step.stamp_s for step in steps if step.stamp_s is not None]
     for step, stamp_s, (log_ns, color), (_, depth) in zip(
         steps, stamps_s, heard["/camera/color/image_raw/compressed"], heard["/camera/depth/image_raw"], strict=True
@@ -86,11 +86,3 @@ def test_an_episode_without_images_becomes_a_file_without_images(results: Path, 
 def test_all_that_ended_become_a_file_each(results: Path, tmp_path: Path) -> None:
     assert vsnbench(results, "export", "mcap", "--output", str(tmp_path)).returncode == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["000001.mcap", "000002.mcap"]
-
-
-def test_episodes_become_rows(results: Path, tmp_path: Path) -> None:
-    done = vsnbench(results, "export", "episodes", "--output", str(tmp_path / "e.csv"), "--json")
-    assert json.loads(done.stdout)["episodes"] == 2
-    header, first, *_ = (tmp_path / "e.csv").read_text().splitlines()
-    row = dict(zip(header.split(","), first.split(","), strict=True))
-    assert (row["episode"], row["goal"], row["model"], row["state"]) == ("1", "chair", "random", "counted")

@@ -21,8 +21,8 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.reading.queries import campaign_states, episode_details, episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.journal import Journal
 from vsnbench.values.encoding.image_digest import depth_digest, file_digest
@@ -134,7 +134,7 @@ def content(results: Path) -> dict[str, Any]:
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         found = {}
         for episode in list_episodes(journal.engine, EpisodeFilter()):
-            details = episode_details(journal.engine, episode.id)
+            details = episode_record(journal.engine, episode.id)
             directory = results / episode.images_directory
             found[episode.uuid] = (
                 replace(episode, id=0, campaign_id=0, images_directory=""),
@@ -144,7 +144,7 @@ def content(results: Path) -> dict[str, Any]:
                 episode_steps(journal.engine, episode.id),
                 {str(file.relative_to(directory)): file.read_bytes() for file in sorted(directory.rglob("*.*"))},
             )
-        states = {state.key: (state.trials, state.done) for state in campaign_states(journal.engine)}
+        states = {state.key: (state.trials, state.done) for state in list_campaigns(journal.engine)}
     return {"episodes": found, "campaigns": states}
 
 
@@ -206,9 +206,9 @@ def test_two_records_of_a_condition_become_one_campaign_and_first_results_count(
     monday, tuesday = lab(tmp_path / "monday", plan(), seed=1), lab(tmp_path / "tuesday", plan(), seed=2)
     merged = merged_into(monday, tuesday)
     with Journal.open(sqlite_url(monday / "vsnbench.db")) as journal:
-        assert len(campaign_states(journal.engine)) == 1
+        assert len(list_campaigns(journal.engine)) == 1
         results = [one for one in list_episodes(journal.engine, EpisodeFilter()) if one.success is not None]
-        counted = [one for one in results if episode_details(journal.engine, one.id).counts]
+        counted = [one for one in results if episode_record(journal.engine, one.id).counts]
     assert merged.plan.second_results == len(results) - len(counted) > 0
     assert not merged.plan.new_campaigns
 
@@ -279,7 +279,7 @@ def test_what_still_runs_there_is_left_out_and_said(tmp_path: Path, lab_a: Path)
     assert "1 episode still running and left out" in said.stdout
     with Journal.open(sqlite_url(tmp_path / "here" / "vsnbench.db")) as journal:
         assert {one.outcome for one in list_episodes(journal.engine, EpisodeFilter())} <= {"success", "failure", "void"}
-        assert len(campaign_states(journal.engine)) == 2
+        assert len(list_campaigns(journal.engine)) == 2
 
 
 def test_images_that_are_not_there_are_named_and_only_left_behind_when_asked(tmp_path: Path, lab_a: Path) -> None:

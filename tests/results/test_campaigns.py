@@ -8,8 +8,8 @@ import pytest
 from sqlalchemy import text
 
 from tests.results.records_of_a_lab import begun, plan, run, stopped
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.writing.campaigns import OpenCampaign, PlannedTrial
 from vsnbench.results.writing.journal import Journal

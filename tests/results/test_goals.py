@@ -13,7 +13,7 @@ from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.goals import definitions
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import Goal, Trial
 from vsnbench.runner.executors.capacity import WorkerOptions
@@ -48,7 +48,7 @@ def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definiti
             photograph = connection.scalar(select(Goal.image).where(Goal.name == "photo-bed"))
             assert photograph == (tmp_path / "bed.png").read_bytes()
             assert connection.execute(select(Trial.goal).where(Trial.goal_id.is_(None))).scalars().all() == ["chair"]
-        recorded = Site.model_validate(episode_details(engine, 1).provenance.site_content)
+        recorded = Site.model_validate(episode_record(engine, 1).provenance.site_content)
     assert recorded.sha256 == load_site("apartment").sha256
     assert {goal.id: goal.sha256 for goal in recorded.goals} == {goal.id: goal.sha256 for goal in load_site(site).goals}
     report = read(results.database_url, Selection())

@@ -16,7 +16,7 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import read
 from vsnbench.results.database_url import sqlite_path
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema import migrate
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.writing.journal import Journal
@@ -164,13 +164,13 @@ def test_only_simulated_noise_is_noise(sqlite: str, after: Engine) -> None:
 
 
 def test_the_latest_judgement_still_stands(after: Engine) -> None:
-    taped = episode_details(after, 7)
-    assert (taped.summary.success, taped.summary.distance_to_goal_m, taped.summary.distance_source) == (
+    taped = episode_record(after, 7)
+    assert (taped.success, taped.distance_to_goal_m, taped.distance_source) == (
         True, 0.84, "tape",
     )  # fmt: skip
     assert [verdict.author for verdict in taped.verdicts] == ["vsnbench", "grace"]
-    assert episode_details(after, 24).summary.end_reason == "collision"
-    assert episode_details(after, 3).summary.outcome == "void"
+    assert episode_record(after, 24).end_reason == "collision"
+    assert episode_record(after, 3).outcome == "void"
 
 
 def test_who_intervened_is_a_column_and_no_longer_the_end_of_a_sentence(
@@ -178,7 +178,7 @@ def test_who_intervened_is_a_column_and_no_longer_the_end_of_a_sentence(
 ) -> None:
     (was,) = before.execute("SELECT text FROM event WHERE kind = 'intervention'").fetchone()
     assert was == "collision called: the table, by ada"
-    (called,) = [event for event in episode_details(after, 24).events if event.kind == "intervention"]
+    (called,) = [event for event in episode_record(after, 24).events if event.kind == "intervention"]
     assert (called.author, called.text) == ("ada", "collision called: the table")
     assert rows(after, "SELECT id, text FROM event WHERE author = '' AND kind <> 'merged' ORDER BY id") == [
         tuple(row) for row in before.execute("SELECT id, text FROM event WHERE kind <> 'intervention' ORDER BY id")
@@ -193,7 +193,7 @@ def test_words_that_end_like_an_author_stay_words(before: sqlite3.Connection, sq
         database.commit()
     engine = open_engine(sqlite)
     migrate.upgrade(engine)
-    assert [(event.author, event.text) for event in episode_details(engine, 24).events] == [
+    assert [(event.author, event.text) for event in episode_record(engine, 24).events] == [
         ("", "collision called: a cyclist, by the door")
     ]
 
@@ -203,7 +203,7 @@ def test_a_run_can_go_on_with_it(after: Engine, sqlite: str) -> None:
     with Journal.open(sqlite) as journal:
         assert [one.id for one in journal.recovered] == [34]
         journal.judge(28, Verdict(EndReason.STOP, False, "failed: far away"), author="ada")
-        assert episode_details(journal.engine, 28).summary.outcome == "failure"
+        assert episode_record(journal.engine, 28).outcome == "failure"
 
 
 def test_a_server_with_these_rows_comes_to_the_same(before: sqlite3.Connection, after: Engine, postgresql: str) -> None:

@@ -7,13 +7,13 @@ from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
 from vsnbench.installation import command_to_add
 from vsnbench.interop.bag_messages import Messages, type_store
-from vsnbench.interop.episodes import ExportedEpisode
 from vsnbench.interop.recorded_messages import KINDS, recorded_messages
+from vsnbench.results.model import EpisodeRecord
 from vsnbench.values.step import StepRecord
 
 
 def write_mcap(
-    episode: ExportedEpisode, steps: Iterable[StepRecord], results_directory: Path, path: Path
+    episode: EpisodeRecord, steps: Iterable[StepRecord], results_directory: Path, path: Path
 ) -> dict[str, int]:
     """Write the file and return the number of messages per topic.
 
@@ -48,7 +48,7 @@ def write_mcap(
     return counts
 
 
-def _about(episode: ExportedEpisode) -> dict[str, str]:
+def _about(episode: EpisodeRecord) -> dict[str, str]:
     success = {True: "success", False: "failure", None: "none"}[episode.success]
     return {
         "episode": str(episode.id),
@@ -57,6 +57,6 @@ def _about(episode: ExportedEpisode) -> dict[str, str]:
         "site": episode.site,
         "goal": episode.goal,
         "start": str(episode.start),
-        "end_reason": episode.end_reason,
+        "end_reason": str(episode.end_reason),
         "result": success,
     }

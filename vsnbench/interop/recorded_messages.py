@@ -9,9 +9,10 @@ from typing import Any
 
 from vsnbench.errors import RecordError
 from vsnbench.interop.bag_messages import TF, Messages
-from vsnbench.interop.episodes import ExportedEpisode
+from vsnbench.interop.episodes import camera_of, moved_s, taken_s
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.model import EpisodeRecord
 from vsnbench.values.encoding.images import decode_picture
 from vsnbench.values.step import StepRecord
 
@@ -33,7 +34,7 @@ KINDS = {
 
 
 def recorded_messages(
-    episode: ExportedEpisode, steps: Iterable[StepRecord], results_directory: Path, make: Messages
+    episode: EpisodeRecord, steps: Iterable[StepRecord], results_directory: Path, make: Messages
 ) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time in nanoseconds since 1970, and message.
 
@@ -41,14 +42,15 @@ def recorded_messages(
         RecordError: the record contains a path outside its directory, or a depth image cannot be decoded.
     """
     directory = confined(results_directory, episode.images_directory) if episode.images_directory else None
-    camera, began_ns = episode.camera, _nanoseconds(episode.started_at.timestamp())
+    camera = camera_of(episode.provenance.robot_profile)
+    began_ns = _nanoseconds(episode.started_at.timestamp())
     yield GOAL, began_ns, make.text(episode.goal)
     if camera is not None:
         yield FIXED_FRAMES, began_ns, make.camera_on_base(began_ns, camera)
-    if episode.start_pose is not None:
-        yield FIXED_FRAMES, began_ns, make.odometry_in_site(began_ns, episode.start_pose)
+    if episode.placement is not None:
+        yield FIXED_FRAMES, began_ns, make.odometry_in_site(began_ns, episode.placement.pose)
     for step in steps:
-        number, taken_ns = step.number, _nanoseconds(episode.taken_s(step))
+        number, taken_ns = step.number, _nanoseconds(taken_s(episode, step))
         if directory and (color := read_confined(directory, rgb_path(Path(), number))):
             yield COLOR, taken_ns, make.jpeg(number, taken_ns, color)
             if camera is not None:
@@ -59,7 +61,7 @@ def recorded_messages(
             if camera is not None:
                 yield DEPTH_INFO, taken_ns, make.camera_info(number, taken_ns, camera)
         yield ACTION, taken_ns, make.text("BLOCKED" if step.blocked else step.action)
-        moved_ns = _nanoseconds(episode.moved_s(step))
+        moved_ns = _nanoseconds(moved_s(episode, step))
         for time_ns, pose in ((taken_ns, step.observed), (moved_ns, step.after)):
             if pose is not None:
                 yield ODOMETRY, time_ns, make.odometry(number, time_ns, pose)

@@ -5,13 +5,13 @@ from pathlib import Path
 
 from vsnbench.files.atomic import atomic_file
 from vsnbench.interop.bag_messages import Messages, type_store
-from vsnbench.interop.episodes import ExportedEpisode
 from vsnbench.interop.recorded_messages import FIXED_FRAMES, KINDS, recorded_messages
+from vsnbench.results.model import EpisodeRecord
 from vsnbench.values.step import StepRecord
 
 
 def write_bag(
-    episode: ExportedEpisode, steps: Iterable[StepRecord], results_directory: Path, path: Path
+    episode: EpisodeRecord, steps: Iterable[StepRecord], results_directory: Path, path: Path
 ) -> dict[str, int]:
     """Write the bag and return the number of messages per topic.
 

@@ -5,19 +5,20 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from vsnbench.files.atomic import atomic_file
-from vsnbench.interop.episodes import ExportedEpisode
+from vsnbench.results.model import EPISODE, Episode
+from vsnbench.results.step_fields import STEP
 from vsnbench.values.step import StepRecord
 
-COLUMNS = (
-    *("episode", "model", "robot", "environment", "site", "goal", "start", "repetition", "end_reason", "success"),
-    *("counts", "step", "raw_action", "action", "blocked", "recorded_at", "stamp_s"),
-    *("odometry_x_m", "odometry_y_m", "odometry_heading_rad", "world_x_m", "world_y_m", "world_heading_rad"),
+OF_EPISODE = EPISODE.only(
+    *("id", "model", "robot", "simulated", "site", "goal", "start", "repetition", "end_reason", "success", "counts")
 )
+OF_STEP = STEP.but("movement", "part", "probabilities", "details")
+"""Quantities of a step that fit into cells of a table."""
 
 
 def write_steps(
-    episodes: Sequence[ExportedEpisode],
-    steps_of: Callable[[ExportedEpisode], Iterable[StepRecord]],
+    episodes: Sequence[Episode],
+    steps_of: Callable[[Episode], Iterable[StepRecord]],
     path: Path,
 ) -> int:
     """Write the steps of the episodes and return their number; unknown numbers are empty.
@@ -28,21 +29,10 @@ def write_steps(
     written = 0
     with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        writer.writerow([*OF_EPISODE.headings(), *OF_STEP.headings()])
         for episode in episodes:
-            about = (
-                *(episode.id, episode.model, episode.robot, "simulated" if episode.simulated else "real"),
-                *(episode.site, episode.goal, episode.start, episode.repetition, episode.end_reason),
-                *("" if episode.success is None else episode.success, episode.counts),
-            )
+            about = OF_EPISODE.cells(episode)
             for step in steps_of(episode):
-                poses = [
-                    value
-                    for pose in (step.after, step.world.pose if step.world else None)
-                    for value in ((pose.x_m, pose.y_m, pose.heading_rad) if pose else ("", "", ""))
-                ]
-                recorded_at = step.recorded_at.isoformat() if step.recorded_at else ""
-                action = (step.number, step.raw_action, step.action, step.blocked, recorded_at)
-                writer.writerow((*about, *action, "" if step.stamp_s is None else step.stamp_s, *poses))
+                writer.writerow([*about, *OF_STEP.cells(step)])
                 written += 1
     return written

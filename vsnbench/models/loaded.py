@@ -4,8 +4,8 @@ Model code can change its own object at any time. Whether it receives the site, 
 before its first episode and recorded; later changes have no effect.
 """
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import Policy
@@ -19,8 +19,6 @@ from vsnbench.values.model.card import copy_of
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
-
-T = TypeVar("T")
 
 
 class LoadedPolicy(Policy):
@@ -42,15 +40,18 @@ class LoadedPolicy(Policy):
 
     def survey(self, site: Site, start: Pose, base: Base, parameters: ProtocolParameters) -> None:
         """Pass the site on."""
-        self._call(lambda: self.policy.survey(site, start, base, parameters))
+        with self._losses():
+            self.policy.survey(site, start, base, parameters)
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode."""
-        self._call(lambda: self.policy.reset(goal, seed))
+        with self._losses():
+            self.policy.reset(goal, seed)
 
     def begin(self, task: Task) -> None:
         """Start an episode."""
-        self._call(lambda: self.policy.begin(task))
+        with self._losses():
+            self.policy.begin(task)
 
     def act(self, observation: Observation) -> Decision:
         """Return the next action.
@@ -59,9 +60,10 @@ class LoadedPolicy(Policy):
             ModelLostError: the model exceeded its time limit, or its process is lost.
         """
         if self._act_timeout_s is None:
-            return self._call(lambda: self.policy.act(observation))
+            with self._losses():
+                return self.policy.act(observation)
         try:
-            return call_interrupted(lambda: self._call(lambda: self.policy.act(observation)), self._act_timeout_s)
+            return call_interrupted(lambda: self._act(observation), self._act_timeout_s)
         except TimeLimitError as error:
             raise ModelLostError(f"act: no answer within {self._act_timeout_s:g} s") from error
 
@@ -69,10 +71,15 @@ class LoadedPolicy(Policy):
         """Close the policy."""
         self.policy.close()
 
-    def _call(self, call: Callable[[], T]) -> T:
-        """Call the policy. A policy in this process cannot be lost, whatever it raises."""
+    def _act(self, observation: Observation) -> Decision:
+        with self._losses():
+            return self.policy.act(observation)
+
+    @contextmanager
+    def _losses(self) -> Iterator[None]:
+        """Convert errors of a lost model. A policy in this process cannot be lost, whatever it raises."""
         try:
-            return call()
+            yield
         except (ModelLostError, TimeLimitError) as error:
             if self._remote:
                 raise

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, select
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.results.fields import quantity
 from vsnbench.results.schema.row_encoding import find_or_insert
 from vsnbench.results.schema.tables import Campaign, Goal, Site, Trial
 from vsnbench.sites.goals import SiteGoal
@@ -17,10 +18,10 @@ from vsnbench.values.goal import GoalKind
 class RecordedGoal:
     """Definition of a goal in the record."""
 
-    name: str
-    kind: GoalKind
-    sha256: str
-    content: Mapping[str, Any]
+    name: str = quantity("name of the goal")
+    kind: GoalKind = quantity("`category`, `text`, `image` or `instruction`")
+    sha256: str = quantity("SHA-256 of the definition")
+    content: Mapping[str, Any] = quantity("entry of the site file; keys depend on the kind")
 
     @property
     def text(self) -> str:

@@ -6,7 +6,6 @@ from vsnbench.runner.loop.contract import Session, SessionResult, TrialSource
 from vsnbench.runner.loop.run import run
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.cleanup import sweep_results
-from vsnbench.runner.study.blinding import BlindOperator
 
 
 def run_session(
@@ -30,7 +29,6 @@ def run_session(
     with session.stop_requests as stop_requests:
         stop_requests.last_acts.append(session.robots.halt)
         journal.patience.gives_up = lambda: stop_requests.session_ends
-        with operators.attend(session) as operator:
-            session.operator = BlindOperator(operator) if session.is_blind else operator
+        with operators.attend(session) as session.operator:
             source = source_of(session)
             return source.result(run(source, session))

@@ -9,12 +9,13 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.image_set import ImageFault, image_faults
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.reading.queries import episode_details, episode_steps
-from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.model import EpisodeRecord
+from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.codec import decision_from_record
@@ -43,10 +44,10 @@ class EpisodeReplay:
         return bool(steps) and all(step.rgb_jpeg is None for step in steps)
 
     @property
-    def end(self) -> EndEntry | None:
+    def end(self) -> EpisodeEnd | None:
         """The current verdict; None while the episode runs."""
         last = self.entries[-1] if self.entries else None
-        return last if isinstance(last, EndEntry) else None
+        return last if isinstance(last, EpisodeEnd) else None
 
 
 def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
@@ -57,19 +58,28 @@ def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
         RecordError: the database cannot be read.
     """
     with open_record(results.database_url) as engine:
-        details, steps = episode_details(engine, episode_id), episode_steps(engine, episode_id)
-    images = details.summary.images_directory
-    directory = results.episode_directory(images or f"episodes/{episode_id:06d}")
-    entries = [*_steps_and_events(details, steps, directory if images else None), *_end(details)]
+        episode, steps = episode_record(engine, episode_id), episode_steps(engine, episode_id)
+    return replay_of(results, episode, steps)
+
+
+def replay_of(results: ResultsDirectory, episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> EpisodeReplay:
+    """Return the entries of an episode that has been read, with its images.
+
+    Raises:
+        RecordError: its site, robot or protocol cannot be read.
+    """
+    images = episode.images_directory
+    directory = results.episode_directory(images or f"episodes/{episode.id:06d}")
+    entries = [*_steps_and_events(episode, steps, directory if images else None), *_end(episode)]
     faults: list[ImageFault] = []
     if images:
         digests = [StepDigests(step.number, step.rgb_digest, step.depth_digest) for step in steps]
         faults = image_faults(directory, digests, read=False)
-    return EpisodeReplay(_header(details), tuple(entries), directory, tuple(faults))
+    return EpisodeReplay(_header(episode), tuple(entries), directory, tuple(faults))
 
 
-def _header(details: EpisodeDetails) -> EpisodeHeader:
-    episode, provenance = details.summary, details.provenance
+def _header(episode: EpisodeRecord) -> EpisodeHeader:
+    provenance = episode.provenance
     try:
         site, robot = (
             Site.model_validate(provenance.site_content),
@@ -96,14 +106,14 @@ def _header(details: EpisodeDetails) -> EpisodeHeader:
         robot=robot.title,
         site=site,
         start_number=episode.start,
-        begin=details.placement or Fix(site.start(episode.start).pose, PoseSource.SURVEYED),
+        begin=episode.placement or Fix(site.start(episode.start).pose, PoseSource.SURVEYED),
         parameters=parameters,
         robot_radius_m=robot.base.radius_m,
     )
 
 
-def _steps_and_events(details: EpisodeDetails, steps: tuple[StepRecord, ...], images: Path | None) -> Iterator[Entry]:
-    events = [EventEntry(event.step_number or 0, event.kind, event.text, event.author) for event in details.events]
+def _steps_and_events(episode: EpisodeRecord, steps: tuple[StepRecord, ...], images: Path | None) -> Iterator[Entry]:
+    events = [EventEntry(event.step_number or 0, event.kind, event.text, event.author) for event in episode.events]
     for step in steps:
         while events and events[0].step < step.number:
             yield events.pop(0)
@@ -120,15 +130,16 @@ def _step(step: StepRecord, images: Path | None) -> StepEntry:
     )
 
 
-def _end(details: EpisodeDetails) -> Iterator[EndEntry]:
-    episode = details.summary
+def _end(episode: EpisodeRecord) -> Iterator[EpisodeEnd]:
     if episode.end_reason is None:
         return
     distance = None
-    if episode.distance_to_goal_m is not None and episode.distance_source is not None:
+    if episode.distance_m is not None and episode.distance_source is not None:
         source = PoseSource(episode.distance_source)
-        is_hidden = details.current_verdict is not None and details.current_verdict.goal_in_sight is False
-        distance = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "", not is_hidden)
-    text = details.current_verdict.reason if details.current_verdict else "not judged yet"
+        is_hidden = episode.current_verdict is not None and episode.current_verdict.goal_in_sight is False
+        distance = GoalDistance(episode.distance_m, source, episode.goal_instance or "", not is_hidden)
+    text = episode.current_verdict.reason if episode.current_verdict else "not judged yet"
     verdict = Verdict(EndReason(episode.end_reason), episode.success, text, distance)
-    yield EndEntry(verdict, episode.actions, episode.path_length_m, episode.duration_s, details.error)
+    yield EpisodeEnd(
+        verdict, episode.actions, error=episode.error, path_m=episode.path_m, duration_s=episode.duration_s
+    )

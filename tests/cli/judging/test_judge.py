@@ -45,7 +45,7 @@ def test_a_proposal_counts_when_it_is_confirmed_and_keeps_its_author(
     done = vsnbench(results, "judge", "1", "--confirm", "--note", "seen from the door")
     assert (done.returncode, done.stdout) == (0, "episode 1 judged by ada: judged\n"), done.stderr
     told = shown(results, 1)
-    assert (told["success"], told["distance_to_goal_m"], told["distance_source"]) == (True, 0.4, "simulated")
+    assert (told["success"], told["distance_m"], told["distance_source"]) == (True, 0.4, "simulated")
     proposal, word = told["verdicts"]
     assert (proposal["proposed"], proposal["author"]) == (True, "vsnbench")
     assert (word["proposed"], word["author"], word["source"], word["note"]) == (

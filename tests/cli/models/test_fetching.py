@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from vsnbench.models.checkpoints import torch_runtime
 from vsnbench.models.checkpoints.published import PUBLISHED, PublishedFile
 
@@ -45,11 +45,11 @@ def url(tmp_path: Path) -> Iterator[str]:
 
 
 def test_a_published_file_is_downloaded_by_name_from_its_address(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], weights: Path, url: str
+    typed: Typed, monkeypatch: pytest.MonkeyPatch, weights: Path, url: str
 ) -> None:
     digest = hashlib.sha256(CONTENT).hexdigest()
     monkeypatch.setitem(PUBLISHED, "mask-rcnn", PublishedFile("vlv", "file.pth", url, "BSD", digest[:8]))
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "mask-rcnn", "--json")
+    answer = typed("models", "fetch", "mask-rcnn", "--json")
     assert json.loads(answer.out) == {
         "files": [str(weights / "file.pth")],
         "fetched": True,
@@ -59,10 +59,8 @@ def test_a_published_file_is_downloaded_by_name_from_its_address(
     assert (weights / "file.pth").read_bytes() == CONTENT
 
 
-def test_a_file_from_a_mirror_must_have_the_published_hash(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], weights: Path, url: str
-) -> None:
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "mask-rcnn", url)
+def test_a_file_from_a_mirror_must_have_the_published_hash(typed: Typed, weights: Path, url: str) -> None:
+    answer = typed("models", "fetch", "mask-rcnn", url)
     assert answer.code == 1
     assert "not bf2d0c1e" in answer.err
     assert list(weights.iterdir()) == []
@@ -75,11 +73,11 @@ def serve_instead(directory: Path, url: str, name: str, monkeypatch: pytest.Monk
 
 
 def test_weights_without_a_published_hash_are_checked_by_their_content(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+    typed: Typed, tmp_path: Path, weights: Path, url: str
 ) -> None:
     shutil.copyfile(CHECKPOINT, tmp_path / "served" / "file.pth")
     for fetched in (True, False):
-        answer = vsnbench(monkeypatch, capsys, "models", "fetch", "pirlnav", url, "--json")
+        answer = typed("models", "fetch", "pirlnav", url, "--json")
         assert answer.code == 0
         assert json.loads(answer.out)["fetched"] is fetched
         assert "checked by its content only" in answer.err
@@ -88,52 +86,47 @@ def test_weights_without_a_published_hash_are_checked_by_their_content(
 
 @pytest.mark.parametrize("name", ["pirlnav-rl", "pirlnav-il"])
 def test_another_network_at_the_published_address_is_refused_and_deleted(
-    name: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    weights: Path,
-    url: str,
+    typed: Typed, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, weights: Path, url: str
 ) -> None:
     serve_instead(tmp_path, url, name, monkeypatch)
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", name)
+    answer = typed("models", "fetch", name)
     assert answer.code == 1
     assert "a PIRLNav network of another size than the published one: 582,927 parameters; file deleted" in answer.err
     assert list(weights.iterdir()) == []
     shutil.copyfile(CHECKPOINT, weights / "pirlnav.ckpt")
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", name)
+    answer = typed("models", "fetch", name)
     assert answer.code == 2
     assert "(a PIRLNav network of another size than the published one" in answer.err
     assert "move it first" in answer.err
 
 
 def test_a_web_page_in_place_of_weights_is_refused_and_deleted(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+    typed: Typed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, weights: Path, url: str
 ) -> None:
     serve_instead(tmp_path, url, "vlv-value", monkeypatch)
     (tmp_path / "served" / "file.pth").write_text("<html>log in</html>")
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "vlv-value")
+    answer = typed("models", "fetch", "vlv-value")
     assert answer.code == 1
     assert f"{url}: a web page, not weights" in answer.err
     assert list(weights.iterdir()) == []
 
 
 def test_without_pytorch_weights_that_it_must_check_are_not_downloaded(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+    typed: Typed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, weights: Path, url: str
 ) -> None:
     serve_instead(tmp_path, url, "vlv-value", monkeypatch)
     monkeypatch.setattr(torch_runtime, "torch_is_installed", lambda: False)
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "vlv-value")
+    answer = typed("models", "fetch", "vlv-value")
     assert answer.code == 1
     assert "needs PyTorch, which is not installed" in answer.err
     assert not weights.exists()
 
 
 def test_a_dead_link_names_the_page_of_the_authors_and_where_to_put_the_file(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, weights: Path, url: str
+    typed: Typed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, weights: Path, url: str
 ) -> None:
     serve_instead(tmp_path, f"{url}.gone", "pirlnav-rl", monkeypatch)
-    answer = vsnbench(monkeypatch, capsys, "models", "fetch", "pirlnav-rl")
+    answer = typed("models", "fetch", "pirlnav-rl")
     assert answer.code == 1
     assert "404" in answer.err
     assert "https://github.com/Ram81/pirlnav#reproducing-results" in answer.err

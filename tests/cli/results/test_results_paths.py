@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from tests.web.results_browser.served_record import make_record
 
 
 @pytest.mark.parametrize("option", [("--results", "./-dash"), ("--results=./-dash",)])
 def test_a_name_that_begins_with_a_dash_is_written_with_its_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: tuple[str, ...]
+    typed: Typed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: tuple[str, ...]
 ) -> None:
     make_record(tmp_path / "-dash")
     monkeypatch.chdir(tmp_path)
-    answer = vsnbench(monkeypatch, capsys, "db", "path", *option)
+    answer = typed("db", "path", *option)
     assert (answer.code, answer.out.strip()) == (0, str(tmp_path / "-dash" / "vsnbench.db"))
-    refused = vsnbench(monkeypatch, capsys, "db", "path", "--results", "-dash")
+    refused = typed("db", "path", "--results", "-dash")
     assert refused.code == 2
     assert "./-name" in refused.err
 

@@ -5,19 +5,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 
 SMALL = ("place", "--robot", "simulated:turtlebot2@160x120")
 
 
 def test_an_ambiguous_look_suggests_the_next_command_which_determines_the_pose(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    typed: Typed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    looked = vsnbench(monkeypatch, capsys, *SMALL, "--start", "1")
+    looked = typed(*SMALL, "--start", "1")
     assert (looked.code, looked.out.splitlines()[0]) == (1, "not determined: left-right")
     assert looked.out.splitlines()[-1] == "next: the same command with --turn"
-    turned = vsnbench(monkeypatch, capsys, *SMALL, "--start", "1", "--turn", "--json", "--picture", "seen.png")
+    turned = typed(*SMALL, "--start", "1", "--turn", "--json", "--picture", "seen.png")
     said = json.loads(turned.out)
     assert (said["determined"], said["method"], turned.code) == (True, "turn", int(not said["within_tolerance"]))
     assert Path("seen.png").read_bytes()[1:4] == b"PNG"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from vsnbench.runner.episode import recorder
 from vsnbench.runtime.clock import ClockReading
 
@@ -20,7 +20,7 @@ def recorded_events(results: Path) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("change_s", "words"), [(-3600, "back by 3600 s"), (86400, "forward by 86400 s"), (0.5, "")])
 def test_a_clock_set_during_an_episode_is_an_event_and_a_warning(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], change_s: float, words: str
+    typed: Typed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change_s: float, words: str
 ) -> None:
     changed_s = 0.0
 
@@ -31,7 +31,7 @@ def test_a_clock_set_during_an_episode_is_an_event_and_a_warning(
         return read
 
     monkeypatch.setattr(recorder, "ClockReading", reading)
-    answer = vsnbench(monkeypatch, capsys, *RUN, "--results", str(tmp_path))
+    answer = typed(*RUN, "--results", str(tmp_path))
     assert answer.code == 0, answer.err
     assert [kind for kind, _ in recorded_events(tmp_path)] == ["clock_set"] * bool(words)
     assert all(words in text for _, text in recorded_events(tmp_path))

@@ -12,7 +12,7 @@ import pytest
 
 from tests.cli.test_record_verbs import Done, vsnbench
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.queries import campaign_states, episode_details, episode_steps
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns
 from vsnbench.results.schema.migrate import open_record
 
 NARROW = "tests.cli.turning:Narrow"
@@ -57,15 +57,15 @@ def test_a_stress_test_crops_as_a_run_does(tmp_path: Path, monkeypatch: pytest.M
     done = vsnbench(tmp_path, "stress", *words, "--disturb", "low_light", "--severity", "5")
     assert done.returncode == 0, done.stderr
     with open_record(sqlite_url(tmp_path / "vsnbench.db")) as engine:
-        conditions = [episode_details(engine, number).provenance.conditions for number in (1, 2)]
+        conditions = [episode_record(engine, number).provenance.conditions for number in (1, 2)]
     assert all("fit" in each for each in conditions)
 
 
 def test_a_cropped_run_is_a_condition_of_its_own(runs: Runs) -> None:
     assert runs.codes == (0, 0)
     with open_record(sqlite_url(runs.folder / "vsnbench.db")) as engine:
-        states = campaign_states(engine)
-        first, second = (episode_details(engine, number).provenance for number in (1, 2))
+        states = list_campaigns(engine)
+        first, second = (episode_record(engine, number).provenance for number in (1, 2))
     assert len({state.key for state in states}) == 2
     assert "fit" not in first.conditions
     added = {name: value for name, value in second.conditions.items() if name not in first.conditions}
@@ -83,7 +83,7 @@ def test_a_cropped_run_is_a_condition_of_its_own(runs: Runs) -> None:
 def test_the_model_sees_the_crop_and_the_record_has_the_robot_s_image(runs: Runs) -> None:
     with open_record(sqlite_url(runs.folder / "vsnbench.db")) as engine:
         plain, cropped = (episode_steps(engine, number)[0] for number in (1, 2))
-        images = [episode_details(engine, number).summary.images_directory for number in (1, 2)]
+        images = [episode_record(engine, number).images_directory for number in (1, 2)]
     assert (plain.details["rgb"], cropped.details["rgb"]) == ([480, 640], [302, 404])
     assert cropped.details["depth"] == [302, 404]
     focal_px = 320 / math.tan(math.radians(30))

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed, vsnbench
 from tests.cli.running.test_run import STORY, rows
 from vsnbench.cli.support.options import what_to_keep
 from vsnbench.errors import UsageError
@@ -23,6 +23,7 @@ WORDS = ("--model", "oracle", "--goal", "bed", "--starts", "2", "--max-steps", "
 
 
 def test_what_is_kept_changes_nothing_that_happened(
+    typed: Typed,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
@@ -31,7 +32,7 @@ def test_what_is_kept_changes_nothing_that_happened(
     stories = {}
     for kept in KeepFiles:
         results = tmp_path / kept
-        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, "--keep", kept, "--results", str(results))
+        answer = typed("run", *WORDS, "--keep", kept, "--results", str(results))
         assert answer.code == 0, answer.err
         stories[kept] = rows(results, STORY)
         files = sorted(path.suffix for path in (results / "episodes").rglob("*.*"))
@@ -53,7 +54,7 @@ def test_what_is_kept_changes_nothing_that_happened(
     assert rows(tmp_path / KeepFiles.NONE, "SELECT images_directory FROM episode") == [("",)]
     for kept, told in ((KeepFiles.IMAGES, 0), (KeepFiles.NONE, 1)):
         place = ("--results", str(tmp_path / kept))
-        viewed = vsnbench(monkeypatch, capsys, "view", "1", "--path", *place)
+        viewed = typed("view", "1", "--path", *place)
         assert (viewed.code, caplog.text.count("episode 1 has no recorded images")) == (0, told)
         assert Path(viewed.out.strip()).stat().st_size > 10_000
     bag = vsnbench(
@@ -68,10 +69,8 @@ def test_what_is_kept_changes_nothing_that_happened(
         str(tmp_path / KeepFiles.NONE),
     )
     assert (bag.code, caplog.text.count("keeps no images: the bag")) == (0, 1)
-    report = vsnbench(
+    report = typed(
         *(
-            monkeypatch,
-            capsys,
             "report",
             "--output",
             str(tmp_path / "pages"),
@@ -98,14 +97,12 @@ def test_rerun_copies_are_made_at_once_only_with_an_operator(usual: KeepFiles, o
     assert [what_to_keep(keep, **options) for keep in KeepFiles] == list(KeepFiles)
 
 
-def test_a_run_says_what_it_keeps(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_run_says_what_it_keeps(typed: Typed, tmp_path: Path) -> None:
     for words, said in (
         ((), "--keep images: images are kept"),
         (("--keep", "none"), "--keep none: no images"),
     ):
-        answer = vsnbench(monkeypatch, capsys, "run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
+        answer = typed("run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
         assert answer.code == 0
         assert answer.err.count(said) == 1
 

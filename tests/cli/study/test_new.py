@@ -4,27 +4,25 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from vsnbench.study.file import parse_study, read_text
 
 
-def test_arms_are_named_by_their_classes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arms_are_named_by_their_classes(typed: Typed, tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
     arms = "oracle,our.lab:Walker,late=our.lab:Runner"
-    assert vsnbench(monkeypatch, capsys, "study", "new", str(file), "--arm", arms, "--goal", "chair").code == 0
+    assert typed("study", "new", str(file), "--arm", arms, "--goal", "chair").code == 0
     study = parse_study(read_text(file), str(file))
     models = {name: arm.model for name, arm in study.arms.items()}
     assert models == {"oracle": "oracle", "Walker": "our.lab:Walker", "late": "our.lab:Runner"}
 
 
 def test_the_next_command_can_be_pasted_and_names_the_record(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    typed: Typed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     words = ("study", "new", "our study.yaml", "--arm", "random,forward", "--goal", "chair")
-    assert "vsnbench study check 'our study.yaml'\n" in vsnbench(monkeypatch, capsys, *words).err
-    unlocked = vsnbench(monkeypatch, capsys, "study", "run", "our study.yaml", "--results", "elsewhere")
+    assert "vsnbench study check 'our study.yaml'\n" in typed(*words).err
+    unlocked = typed("study", "run", "our study.yaml", "--results", "elsewhere")
     assert unlocked.code == 2
     assert "`vsnbench study lock 'our study.yaml' --results elsewhere`" in unlocked.err

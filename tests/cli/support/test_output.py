@@ -5,14 +5,14 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.main import get_command
 
-from tests.cli.console import vsnbench
+from tests.cli.console import Typed
 from vsnbench.cli.main import VERBS, build_app
 from vsnbench.cli.support.output import WITHOUT_RESULT, join_long_lines, resumable
 from vsnbench.errors import ExitCode
@@ -43,32 +43,44 @@ def test_what_prints_no_result_is_a_verb_that_there_is() -> None:
     assert ALL.keys() > WITHOUT_RESULT
 
 
-@pytest.mark.parametrize("words", [words for words in ALL if words not in WITHOUT_RESULT], ids=" ".join)
-def test_a_verb_that_prints_a_result_knows_json_and_quiet(words: tuple[str, ...]) -> None:
-    options = {option for parameter in ALL[words].params for option in parameter.opts}
-    assert {"--json", "--quiet"} <= options
-
-
-@pytest.mark.parametrize("words", ALL, ids=" ".join)
-def test_every_command_can_log_more(words: tuple[str, ...]) -> None:
-    options = {option for parameter in ALL[words].params for option in parameter.opts}
-    assert {"--verbose", "--log-file"} <= options
-
-
 COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--help"}
 MAX_OPTIONS = 24
+WIDTH = 78
+"""Columns of a terminal, less the margin of a help text."""
 
 
-@pytest.mark.parametrize("words", ALL, ids=" ".join)
-def test_a_command_has_at_most_24_options_of_its_own(words: tuple[str, ...]) -> None:
-    options = {each.opts[0] for each in ALL[words].params if each.param_type_name == "option"}
-    assert len(options - COMMON) <= MAX_OPTIONS, sorted(options)
+def options(command: Any) -> set[str]:
+    return {option for parameter in command.params for option in parameter.opts}
 
 
-@pytest.mark.parametrize("words", ALL, ids=" ".join)
-def test_every_option_and_argument_has_a_help_sentence(words: tuple[str, ...]) -> None:
-    texts = {each.name: each.help or "" for each in ALL[words].params}
-    assert [name for name, text in texts.items() if not text.endswith(".") or text[0].islower()] == []
+def own_options(command: Any) -> set[str]:
+    return {each.opts[0] for each in command.params if each.param_type_name == "option"} - COMMON
+
+
+def helps(command: Any) -> list[str]:
+    return [each.help or "" for each in command.params]
+
+
+RULES: dict[str, Callable[[Any], bool]] = {
+    "can log more": lambda command: {"--verbose", "--log-file"} <= options(command),
+    "has at most 24 options of its own": lambda command: len(own_options(command)) <= MAX_OPTIONS,
+    "has a help sentence for every option and argument": lambda command: all(
+        text.endswith(".") and not text[0].islower() for text in helps(command)
+    ),
+    "fits what is to be typed into a line of the terminal": lambda command: all(
+        len(line) <= WIDTH for line in (command.help or "").splitlines() if line.strip().startswith("vsnbench ")
+    ),
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_command(rule: str) -> None:
+    assert [" ".join(words) for words, command in ALL.items() if not RULES[rule](command)] == []
+
+
+def test_a_verb_that_prints_a_result_knows_json_and_quiet() -> None:
+    deaf = [words for words, command in ALL.items() if not {"--json", "--quiet"} <= options(command)]
+    assert set(deaf) <= WITHOUT_RESULT
 
 
 def test_prose_of_a_help_fills_the_terminal_and_what_is_to_be_typed_keeps_its_lines() -> None:
@@ -77,13 +89,6 @@ def test_prose_of_a_help_fills_the_terminal_and_what_is_to_be_typed_keeps_its_li
     assert join_long_lines(f"First.\n\n{prose}") == f"First.\n\n{'Long ' * 20}line that goes on."
     typed = f"Two.\n\nvsnbench {'word ' * 20}\nvsnbench sites\n\n    vsnbench {'word ' * 20}\n    vsnbench"
     assert join_long_lines(typed) == typed
-
-
-@pytest.mark.parametrize("words", ALL, ids=" ".join)
-def test_what_is_to_be_typed_fits_into_a_line_of_the_terminal(words: tuple[str, ...]) -> None:
-    margin = 2
-    typed = [line for line in (ALL[words].help or "").splitlines() if line.strip().startswith("vsnbench ")]
-    assert [line for line in typed if len(line) > 80 - margin] == []
 
 
 @pytest.fixture
@@ -106,38 +111,34 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_with_json_and_quiet_nothing_but_the_result_is_printed(
-    line: str, expected: dict[str, Any], lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    typed: Typed, line: str, expected: dict[str, Any], lab: Path
 ) -> None:
-    answer = vsnbench(monkeypatch, capsys, *line.split(), "--json", "--quiet")
+    answer = typed(*line.split(), "--json", "--quiet")
     assert (answer.code, answer.err) == (0, "")
     told = json.loads(answer.out)
     assert {name: told[name] for name in expected} == expected
 
 
-def test_notes_are_kept_back_by_quiet_and_errors_are_not(
-    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert "next: " in vsnbench(monkeypatch, capsys, "init", "loud").err
-    quiet = vsnbench(monkeypatch, capsys, "init", "quiet", "-q")
+def test_notes_are_kept_back_by_quiet_and_errors_are_not(typed: Typed, lab: Path) -> None:
+    assert "next: " in typed("init", "loud").err
+    quiet = typed("init", "quiet", "-q")
     assert (quiet.err, quiet.out.splitlines()) == (
         "",
         [f"quiet/{name}" for name in ("vsnbench.toml", "lab.yaml", ".gitignore")],
     )
-    refused = vsnbench(monkeypatch, capsys, "sites", "check", "nowhere", "--quiet")
+    refused = typed("sites", "check", "nowhere", "--quiet")
     assert refused.code != ExitCode.DONE
     assert refused.err.startswith("vsnbench: error: ")
 
 
-def test_a_quiet_run_prints_what_is_done_and_nothing_else(
-    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_quiet_run_prints_what_is_done_and_nothing_else(typed: Typed, lab: Path) -> None:
     words = ("run", "--model=random", "--goal=chair", "--starts=1", "--max-steps=1")
-    answer = vsnbench(monkeypatch, capsys, *words, "-q")
+    answer = typed(*words, "-q")
     assert (answer.code, answer.err) == (ExitCode.DONE, "")
     assert re.fullmatch(r"the only trial is done; results in \S+\n", answer.out)
-    as_json = vsnbench(monkeypatch, capsys, *words, "-q", "--json")
+    as_json = typed(*words, "-q", "--json")
     assert (as_json.err, json.loads(as_json.out)["done"]) == ("", 1)
-    swept = vsnbench(monkeypatch, capsys, *words, "--seed=0-1", "-q")
+    swept = typed(*words, "--seed=0-1", "-q")
     assert swept.err == ""
     assert re.fullmatch(r"all 2 trials are done; results in \S+\n", swept.out)
 

@@ -11,8 +11,9 @@ import pytest
 
 from tests.report.records import Attempt, Lab
 from vsnbench.errors import UsageError
-from vsnbench.interop.episodes import ExportedEpisode, read_episodes
+from vsnbench.interop.episodes import read_episodes
 from vsnbench.interop.lerobot.frames import ACTIONS, NOT_EXPORTABLE, EpisodeFrames, frames_of, task_text
+from vsnbench.results.model import Episode
 from vsnbench.values.action import Action
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.motion_result import MotionResult
@@ -37,7 +38,7 @@ STEPS = [
 
 
 @pytest.fixture
-def episode(tmp_path: Path) -> ExportedEpisode:
+def episode(tmp_path: Path) -> Episode:
     """An episode with four images and no depth."""
     lab = Lab(tmp_path)
     lab.write([Attempt(steps=STEPS)])
@@ -49,12 +50,12 @@ def episode(tmp_path: Path) -> ExportedEpisode:
 
 
 def frames(
-    episode: ExportedEpisode, root: Path, steps: Sequence[StepRecord] = STEPS, *, with_depth: bool = False
+    episode: Episode, root: Path, steps: Sequence[StepRecord] = STEPS, *, with_depth: bool = False
 ) -> EpisodeFrames:
     return frames_of(episode, steps, root, with_depth=with_depth)
 
 
-def test_actions_are_what_the_robot_did_in_its_own_frame(episode: ExportedEpisode, tmp_path: Path) -> None:
+def test_actions_are_what_the_robot_did_in_its_own_frame(episode: Episode, tmp_path: Path) -> None:
     found = frames(episode, tmp_path)
     assert found.action.tolist() == [
         pytest.approx([0, 0, math.pi / 2, 0], abs=1e-6),
@@ -68,14 +69,14 @@ def test_actions_are_what_the_robot_did_in_its_own_frame(episode: ExportedEpisod
     assert (found.color.sizes, found.depth) == ({(6, 4)}, None)
 
 
-def refused(episode: ExportedEpisode, root: Path, steps: Sequence[StepRecord] = STEPS, *, with_depth: bool) -> str:
+def refused(episode: Episode, root: Path, steps: Sequence[StepRecord] = STEPS, *, with_depth: bool) -> str:
     with pytest.raises(UsageError) as error:
         frames(episode, root, steps, with_depth=with_depth)
     assert error.value.code in NOT_EXPORTABLE
     return error.value.code
 
 
-def test_an_episode_that_misses_something_has_a_reason(episode: ExportedEpisode, tmp_path: Path) -> None:
+def test_an_episode_that_misses_something_has_a_reason(episode: Episode, tmp_path: Path) -> None:
     assert refused(replace(episode, success=None), tmp_path, with_depth=False) == "unjudged-episode"
     assert refused(episode, tmp_path, [], with_depth=False) == "no-steps"
     assert refused(episode, tmp_path, [replace(STEPS[0], observed=None)], with_depth=False) == "no-odometry"
@@ -85,7 +86,7 @@ def test_an_episode_that_misses_something_has_a_reason(episode: ExportedEpisode,
     assert refused(replace(episode, images_directory=""), tmp_path, with_depth=False) == "no-images"
 
 
-def test_tasks_are_sentences(episode: ExportedEpisode) -> None:
+def test_tasks_are_sentences(episode: Episode) -> None:
     assert task_text(replace(episode, goal="potted_plant")) == "find a potted plant"
     assert task_text(replace(episode, goal="oven")) == "find an oven"
     words = replace(episode, goal="x", goal_kind=GoalKind.INSTRUCTION, goal_text="go out and wait")

@@ -18,7 +18,7 @@ from vsnbench.errors import VsnbenchError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import WireError, pack, unpack
 
-FRAMES = int(os.environ.get("VSNBENCH_FUZZ_FRAMES", "400"))
+FRAMES = int(os.environ.get("VSNBENCH_FUZZ_FRAMES", "100"))
 SEED = int(os.environ.get("VSNBENCH_FUZZ_SEED", "1"))
 MOST_MEMORY = 500 * 2**20
 MODEL = """

@@ -6,7 +6,7 @@ from tests.results.studies_of_a_lab import apply_merge, lock
 from vsnbench import open_results
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.blinding import HIDDEN_COLUMNS, hide_steps
-from vsnbench.results.reading.queries import EpisodeFilter, episode_details, episode_steps, list_episodes
+from vsnbench.results.reading.queries import EpisodeFilter, episode_record, episode_steps, list_episodes
 from vsnbench.results.writing.journal import Journal
 
 
@@ -14,8 +14,8 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
         study = lock(journal)
         apply_merge(journal, study, range(1))
-        details, steps = episode_details(journal.engine, 1), episode_steps(journal.engine, 1)
-        assert (details.summary.ended_at, details.wall_duration_s) == (None, None)
+        details, steps = episode_record(journal.engine, 1), episode_steps(journal.engine, 1)
+        assert (details.ended_at, details.wall_duration_s) == (None, None)
         assert [summary.ended_at for summary in list_episodes(journal.engine, EpisodeFilter())] == [None]
         assert len(steps) == 1
         for step in steps:
@@ -31,6 +31,6 @@ def test_the_times_of_a_blinded_arm_are_hidden_because_they_separate_the_models(
         journal.unblind_study(study.id, reason="over")
         assert results.episodes()["ended_at"].notna().all()
         assert results.steps()["recorded_at"].notna().all()
-        assert episode_details(journal.engine, 1).summary.ended_at is not None
+        assert episode_record(journal.engine, 1).ended_at is not None
         assert all(summary.ended_at is not None for summary in list_episodes(journal.engine, EpisodeFilter()))
         assert all(step.recorded_at is not None for step in episode_steps(journal.engine, 1))

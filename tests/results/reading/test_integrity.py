@@ -8,7 +8,7 @@ from tests.results.records_of_a_lab import plan, run, stopped
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.reading.integrity import record_fault
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 
@@ -30,7 +30,7 @@ def change(url: str, statement: str) -> None:
 
 def read(url: str) -> None:
     with open_record(url) as engine:
-        episode_details(engine, 1)
+        episode_record(engine, 1)
 
 
 def write(url: str) -> None:

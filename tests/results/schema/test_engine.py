@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from tests.results.records_of_a_lab import plan, run, stopped
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.results.database_url import redacted_url, sqlite_path, sqlite_url
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema import engine as engine_module
 from vsnbench.results.schema.engine import open_engine, to_json
 from vsnbench.results.schema.migrate import open_record
@@ -97,7 +97,7 @@ READER_WITHOUT_RIGHTS = """
 import os, sys
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
 
 def episodes():
     with open_record(sys.argv[1]) as engine:

@@ -16,8 +16,8 @@ from tests.results.records_of_a_lab import begun, forward, plan, run, running_el
 from vsnbench.errors import RecordError
 from vsnbench.files.package_data import resource_directory
 from vsnbench.results.database_url import sqlite_path, sqlite_url
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema import migrate
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine

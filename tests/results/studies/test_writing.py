@@ -6,8 +6,8 @@ import pytest
 from tests.results.records_of_a_lab import plan
 from tests.results.studies_of_a_lab import lock
 from vsnbench.errors import StudyError
-from vsnbench.results.reading.blinding import HIDDEN
-from vsnbench.results.reading.queries import campaign_states
+from vsnbench.results.reading.queries import list_campaigns
+from vsnbench.results.reading.read_model import HIDDEN
 from vsnbench.results.studies.entries import SESSION, SESSION_END, RecordedArm, RecordedStudy
 from vsnbench.results.studies.queries import studies, study_of_campaign
 from vsnbench.results.writing.journal import Journal
@@ -22,14 +22,14 @@ def test_a_locked_study_is_read_back_and_its_models_have_codes_until_it_is_unbli
             ("owl", "A", "arm A"),
             ("lark", "B", "arm B"),
         ]
-        blind = campaign_states(journal.engine)
+        blind = list_campaigns(journal.engine)
         assert [one.model for one in blind] == ["study1-A", "study1-B"]
         assert {one.name for one in blind} | {one.key for one in blind} == {"study1-A", "study1-B"}
         journal.unblind_study(study.id, "done")
-        assert [one.model for one in campaign_states(journal.engine)] == ["another", plan().model.name]
+        assert [one.model for one in list_campaigns(journal.engine)] == ["another", plan().model.name]
         with pytest.raises(StudyError, match="not blind"):
             journal.unblind_study(study.id, "again")
-        assert HIDDEN not in str(campaign_states(journal.engine))
+        assert HIDDEN not in str(list_campaigns(journal.engine))
 
 
 def test_a_second_study_on_the_same_trials_is_refused_and_leaves_nothing(url: str) -> None:
@@ -40,7 +40,7 @@ def test_a_second_study_on_the_same_trials_is_refused_and_leaves_nothing(url: st
         journal.unblind_study(study.id, "done")
         with pytest.raises(StudyError, match="already belongs to the study 'Which\\?'"):
             lock(journal)
-        assert len(campaign_states(journal.engine)) == 2
+        assert len(list_campaigns(journal.engine)) == 2
         assert study_of_campaign(journal.engine, study.arms[0].campaign_key) == "Which?"
         lock(journal, seed=4)
 
@@ -51,7 +51,7 @@ def test_trials_that_were_begun_before_the_plan_are_refused(sqlite: str) -> None
         assert journal.claim_next(campaign.id, [campaign.trials[0].id])
         with pytest.raises(StudyError, match="has 1 episodes of these trials from before the lock"):
             lock(journal)
-        assert len(campaign_states(journal.engine)) == 1
+        assert len(list_campaigns(journal.engine)) == 1
 
 
 def test_who_else_runs_a_study_is_named_while_that_process_lives(url: str) -> None:

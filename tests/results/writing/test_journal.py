@@ -14,8 +14,8 @@ from tests.results.records_of_a_lab import begun, cell, finish, forward, plan, r
 from vsnbench.errors import EpisodeClosedError, RecordError, UsageError
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.reading.queries import episode_details, episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_episodes
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.tables import Step
 from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, trial_seed
@@ -148,11 +148,11 @@ def test_verdicts_are_only_added_and_the_latest_stands(url: str) -> None:
         episode = run(journal, trial, stopped(success=True))
         tape = GoalDistance(1.2, PoseSource.TAPE, "chair_1")
         journal.judge(episode.id, Verdict(EndReason.STOP, False, "tape says 1.20 m", tape), author="ada")
-        details = episode_details(journal.engine, episode.id)
+        details = episode_record(journal.engine, episode.id)
     assert [verdict.success for verdict in details.verdicts] == [True, False]
     assert details.verdicts[1].author == "ada"
-    assert details.summary.success is False
-    assert (details.summary.distance_to_goal_m, details.summary.distance_source) == (1.2, "tape")
+    assert details.success is False
+    assert (details.distance_m, details.distance_source) == (1.2, "tape")
 
 
 def test_whether_the_goal_was_in_sight_is_kept_with_the_distance(url: str) -> None:
@@ -162,7 +162,7 @@ def test_whether_the_goal_was_in_sight_is_kept_with_the_distance(url: str) -> No
         end = stopped(success=False)
         verdict = Verdict(EndReason.STOP, False, "failed: behind a wall", hidden)
         episode = run(journal, trial, replace(end, verdict=verdict))
-        details = episode_details(journal.engine, episode.id)
+        details = episode_record(journal.engine, episode.id)
     assert [given.goal_in_sight for given in details.verdicts] == [False]
 
 
@@ -183,7 +183,7 @@ def test_an_episode_ends_once(url: str) -> None:
         episode = run(journal, trial, stopped(success=True))
         with pytest.raises(EpisodeClosedError, match="has already ended"):
             journal.end_episode(episode.id, stopped(success=False))
-        assert len(episode_details(journal.engine, episode.id).verdicts) == 1
+        assert len(episode_record(journal.engine, episode.id).verdicts) == 1
 
 
 def test_a_step_is_refused_where_the_episode_does_not_run(url: str) -> None:
@@ -224,8 +224,8 @@ def test_a_claim_that_never_began_is_released_or_voided_with_its_reason(url: str
         claim = journal.claim_next(campaign.id, [campaign.trials[0].id])
         assert claim is not None
         unbegun = Verdict(EndReason.MOTION_FAILED, None, "void: the base could not carry out an action")
-        journal.end_episode(claim.id, EpisodeEnd(EndReason.MOTION_FAILED, 0, unbegun, error="it stands on the cable"))
-        assert episode_details(journal.engine, claim.id).error == "it stands on the cable"
+        journal.end_episode(claim.id, EpisodeEnd(unbegun, 0, error="it stands on the cable"))
+        assert episode_record(journal.engine, claim.id).error == "it stands on the cable"
         assert journal.campaign_progress(campaign).left == campaign.trials
 
 
@@ -234,14 +234,14 @@ def test_a_proposal_waits_for_a_person_and_never_stands(url: str) -> None:
         campaign = journal.find_or_create_campaign(plan())
         trial = campaign.trials[0]
         episode = run(journal, trial, replace(stopped(success=True), proposed=True))
-        details = episode_details(journal.engine, episode.id)
-        assert (details.summary.outcome, details.summary.success) == ("unjudged", None)
+        details = episode_record(journal.engine, episode.id)
+        assert (details.outcome, details.success) == ("unjudged", None)
         assert [(one.proposed, one.success) for one in details.verdicts] == [(True, True)]
         assert [one.trial for one in journal.campaign_progress(campaign).awaiting] == [trial]
         assert trial not in journal.campaign_progress(campaign).left
         journal.judge(episode.id, Verdict(EndReason.STOP, False, "tape says 1.20 m"), author="ada", note="twice")
-        details = episode_details(journal.engine, episode.id)
-        assert details.summary.outcome == "failure"
+        details = episode_record(journal.engine, episode.id)
+        assert details.outcome == "failure"
         assert (details.verdicts[1].author, details.verdicts[1].note) == ("ada", "twice")
 
 
@@ -349,7 +349,7 @@ def test_provenance_names_the_process_and_its_code(sqlite: str, monkeypatch: pyt
     monkeypatch.setenv("VSNBENCH_OPERATOR", "ada")
     with Journal.open(sqlite) as journal:
         trial = journal.find_or_create_campaign(plan()).trials[0]
-        given = episode_details(journal.engine, run(journal, trial, stopped(success=True)).id).provenance
+        given = episode_record(journal.engine, run(journal, trial, stopped(success=True)).id).provenance
     assert given.operator == "ada"
     assert given.packages["sqlalchemy"]
     assert given.model_settings == {"temperature": 1.0}

@@ -8,8 +8,8 @@ import pytest
 from sqlalchemy import text
 
 from tests.results.records_of_a_lab import begun, forward, plan, run, running_elsewhere, stopped
-from vsnbench.results.reading.queries import campaign_states, episode_details, episode_steps, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import ProcessIdentity, this_process
 from vsnbench.results.writing.recovery import orphaned_episodes, recover_one
@@ -33,11 +33,11 @@ def test_an_episode_of_a_killed_process_keeps_its_steps_and_its_trial_runs_again
         assert recovered.steps >= reported
         steps = episode_steps(journal.engine, recovered.id)
         assert [step.number for step in steps] == list(range(1, recovered.steps + 1))
-        details = episode_details(journal.engine, recovered.id)
-        assert (details.summary.end_reason, details.summary.outcome) == ("interrupted", "void")
-        assert details.summary.actions == recovered.steps
-        assert details.summary.path_length_m is not None
-        assert abs(details.summary.path_length_m - 0.25 * recovered.steps) < 1e-6
+        details = episode_record(journal.engine, recovered.id)
+        assert (details.end_reason, details.outcome) == ("interrupted", "void")
+        assert details.actions == recovered.steps
+        assert details.path_m is not None
+        assert abs(details.path_m - 0.25 * recovered.steps) < 1e-6
         assert not details.counts
         assert [event.kind for event in details.events] == ["recovered"]
         campaign = journal.find_or_create_campaign(plan())
@@ -53,7 +53,7 @@ def test_recovery_happens_once(sqlite: str) -> None:
     assert len(Journal.open(sqlite).recovered) == 1
     with Journal.open(sqlite) as journal:
         assert journal.recovered == ()
-        assert len(episode_details(journal.engine, 1).verdicts) == 1
+        assert len(episode_record(journal.engine, 1).verdicts) == 1
 
 
 def test_the_episode_of_a_living_process_is_left_alone(url: str) -> None:
@@ -112,7 +112,7 @@ def test_recovery_leaves_alone_what_was_closed_while_it_looked(url: str) -> None
         journal.end_episode(episode.id, stopped(success=True))
         with journal.engine.begin() as connection:
             assert recover_one(connection, dead) is None
-        details = episode_details(journal.engine, episode.id)
+        details = episode_record(journal.engine, episode.id)
         assert [(verdict.success, verdict.source) for verdict in details.verdicts] == [(True, "protocol")]
         assert details.events == ()
 
@@ -210,7 +210,7 @@ def test_three_killed_drivers_on_an_empty_record_run_every_trial_once(url: str) 
         one.communicate()
     with Journal.open(url) as journal:
         episodes = list_episodes(journal.engine, EpisodeFilter())
-        assert len(campaign_states(journal.engine)) == 1
+        assert len(list_campaigns(journal.engine)) == 1
         assert all(len(episode_steps(journal.engine, one.id)) == one.actions for one in episodes)
     done = [(one.goal, one.repetition) for one in episodes if one.success]
     assert sorted(done) == [("chair", repetition) for repetition in range(1, 41)]

@@ -10,8 +10,8 @@ import pytest
 from tests.results.records_of_a_lab import plan, run, running_elsewhere, stopped
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path, sqlite_url
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.restore import restore

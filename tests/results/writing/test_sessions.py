@@ -9,8 +9,8 @@ from tests.results.records_of_a_lab import complete, forward, plan, stopped
 from vsnbench.interop.merge import merge, merge_source
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.reading.queries import episode_details, list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.filtering import EpisodeFilter
+from vsnbench.results.reading.queries import episode_record, list_episodes
 from vsnbench.results.schema.tables import Process, Session
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.entries import EpisodeBegin
@@ -48,13 +48,13 @@ def test_an_episode_names_its_operators_session_which_ends_at_a_takeover(url: st
         first, second, third, _ = journal.find_or_create_campaign(plan()).trials
         for trial, operators in ((first, ["Anna"]), (second, ["Anna"]), (third, ["Anna", "Ben"])):
             complete(journal, set_operator(journal, trial, *operators), stopped(success=True))
-        one, other, last = (episode_details(journal.engine, number).session for number in (1, 2, 3))
+        one, other, last = (episode_record(journal.engine, number).session for number in (1, 2, 3))
         assert one is not None
         assert last is not None
         assert one == other
         assert (one.operator, one.words, last.operator, last.ended_at) == ("Anna", "Ben took over", "Ben", None)
         journal.clear_operator()
-        ended = episode_details(journal.engine, 3).session
+        ended = episode_record(journal.engine, 3).session
         assert ended is not None
         assert ended.ended_at is not None
         assert ended.ended_at >= ended.began_at
@@ -64,7 +64,7 @@ def test_a_measured_placement_is_kept_with_who_accepted_it(url: str) -> None:
     with Journal.open(url) as journal:
         trial = journal.find_or_create_campaign(plan()).trials[0]
         claim = set_operator(journal, trial, "Anna")
-        kept = episode_details(journal.engine, claim.id).measured
+        kept = episode_record(journal.engine, claim.id).measured
         assert kept is not None
         assert (kept.author, kept.method, kept.looks, kept.moved) == ("Anna", "turn", 13, ("chair_1",))
         assert kept.pose == Fix(MEASURED.pose, PoseSource.MEASURED)
@@ -79,7 +79,7 @@ def test_an_episode_that_nobody_attends_names_no_session_and_has_no_measurement(
         claim = journal.claim_next(1, [journal.find_or_create_campaign(plan()).trials[0].id])
         assert claim is not None
         journal.clear_operator()
-        details = episode_details(journal.engine, claim.id)
+        details = episode_record(journal.engine, claim.id)
         assert (details.session, details.measured) == (None, None)
 
 
@@ -90,9 +90,9 @@ def test_a_session_whose_process_has_died_ends_with_the_last_sign_of_life_in_it(
         with journal.engine.begin() as connection:  # as if this process had been killed, and its id reused
             connection.execute(update(Process).values(start_ticks=1))
     with Journal.open(url) as journal:
-        details = episode_details(journal.engine, claim.id)
+        details = episode_record(journal.engine, claim.id)
         assert details.session is not None
-        assert (details.session.ended_at, details.session.words) == (details.summary.ended_at, "its process died")
+        assert (details.session.ended_at, details.session.words) == (details.ended_at, "its process died")
 
 
 def test_a_merge_brings_sessions_and_placements_once_however_often_it_is_run(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_merge_brings_sessions_and_placements_once_however_often_it_is_run(tmp
     for _ in range(2):
         merge(ours, [merge_source(str(tmp_path / "theirs"))], without_images=True)
     with Journal.open(ours.database_url) as journal:
-        found = [episode_details(journal.engine, one.id) for one in list_episodes(journal.engine, EpisodeFilter())]
+        found = [episode_record(journal.engine, one.id) for one in list_episodes(journal.engine, EpisodeFilter())]
         assert sorted(one.session.operator for one in found if one.session) == ["ours", "ours", "theirs", "theirs"]
         assert [one.measured.author for one in found if one.measured] == ["ours", "ours", "theirs", "theirs"]
         with journal.engine.connect() as connection:

@@ -14,14 +14,14 @@ from rich.console import Console
 from tests.cli.test_record_verbs import vsnbench
 from tests.results.records_of_a_lab import stopped
 from tests.web.page_session import PageSession, page_session
-from vsnbench.results.reading.queries import episode_details
-from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.results.reading.queries import episode_record
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.runner.operator.contract import Display, EndedEpisode, Judgement
 from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
 from vsnbench.runner.operator.terminal import TerminalOperator
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
-from vsnbench.runner.study.blinding import BlindOperator
+from vsnbench.runner.study.blinding import hide_end
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def ended(session: PageSession) -> EndedEpisode:
     assert session.prompts.state.upcoming is not None
     verdict = stopped(success=True).verdict
     assert verdict is not None
-    return EndedEpisode(1, session.prompts.state.upcoming.plan, EpisodeOutcome(verdict, 3, None, 1.0, proposed=True))
+    return EndedEpisode(1, session.prompts.state.upcoming.plan, EpisodeEnd(verdict, 3, None, 1.0, proposed=True))
 
 
 def outcome_of(judgement: Judgement | None, *, asked_back: bool) -> Outcome:
@@ -59,7 +59,7 @@ def outcome_of(judgement: Judgement | None, *, asked_back: bool) -> Outcome:
 
 
 def recorded(session: PageSession, *, asked_back: bool) -> Outcome:
-    verdict = episode_details(session.journal.engine, 1).current_verdict
+    verdict = episode_record(session.journal.engine, 1).current_verdict
     if verdict is None:
         return Outcome(asked_back)
     return Outcome(asked_back, verdict.success, verdict.end_reason, verdict.reason, verdict.note)
@@ -97,7 +97,7 @@ def at_the_terminal(session: PageSession, given: Given, *, blind: bool = False) 
     prompts.read_line = person.read_line
     operator = TerminalOperator(person, EmergencyStop(lambda: None, stop.ask), stop, prompts)
     try:
-        judgement = (BlindOperator(operator) if blind else operator).judge(ended(session))
+        judgement = operator.judge(hide_end(ended(session)) if blind else ended(session))
     except Stopped:
         judgement = None
     return outcome_of(judgement, asked_back=person.asked_back)
@@ -114,17 +114,17 @@ def at_the_page(session: PageSession, given: Given) -> Outcome:
     with session.prompts.ask(QuestionKind.JUDGE) as question, ThreadPoolExecutor() as pool:
         said |= {"question": question.number, "episode": 1}
         answer = pool.submit(anna.post, "/judge", **said)
-        while question.reply is None and not answer.done():
+        while question.answer is None and not answer.done():
             time.sleep(0.001)
         asked_back = answer.done() and answer.result().json.get("needs_confirmation") is True
         if asked_back:
             answer = pool.submit(anna.post, "/judge", **said, confirmed=True)
-            while question.reply is None:
+            while question.answer is None:
                 assert not answer.done(), answer.result()
                 time.sleep(0.001)
-        if question.reply is None:
+        if question.answer is None:
             return Outcome(asked_back)
-        judgement = question.reply.answer
+        judgement = question.answer
         assert isinstance(judgement, Judgement)
         session.journal.judge(1, judgement.verdict, author="Anna", note=judgement.note, seen=1)
         assert answer.result().status == 200
@@ -194,7 +194,7 @@ def test_a_retracted_judgement_is_never_proposed_again(tmp_path: Path, face: Cal
         anna = session.browser("Anna")
         assert anna.post("/amend", episode=1, seen=1, touched="a slip of the finger").status == 200
         assert anna.post("/undo", episode=1, seen=2).status == 200
-        details = episode_details(session.journal.engine, 1)
+        details = episode_record(session.journal.engine, 1)
         assert (details.current_verdict, details.proposal) == (None, details.verdicts[0])
         said = {"touched": "no", "distance": ""}
         if face is by_the_command:
@@ -221,4 +221,4 @@ def test_vsnbench_judge_is_refused_when_another_judges_meanwhile(
         monkeypatch.setattr("vsnbench.runner.judging.decision.decide", after_ben)
         done = vsnbench(tmp_path / "results", "judge", "1", "--confirm")
         assert (done.returncode, "Ben" in done.stderr) == (1, True)
-        assert len(episode_details(session.journal.engine, 1).verdicts) == 2
+        assert len(episode_record(session.journal.engine, 1).verdicts) == 2

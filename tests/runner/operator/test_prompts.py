@@ -24,8 +24,8 @@ def test_the_first_reply_wins_and_a_late_one_names_it() -> None:
         prompts.reply(question.number, FAILED, "Anna", "the page")
         with pytest.raises(AnsweredMeanwhileError, match="Anna judged it first, at the page"):
             prompts.reply(question.number, Choice.LATER, "Ben", "the terminal")
-    assert question.reply is not None
-    assert question.reply.answer == FAILED
+    assert question.answer is not None
+    assert question.answer == FAILED
 
 
 def test_one_of_many_simultaneous_replies_wins() -> None:
@@ -43,8 +43,8 @@ def test_one_of_many_simultaneous_replies_wins() -> None:
             thread.start()
         for thread in threads:
             thread.join()
-    assert question.reply is not None
-    assert first == [question.reply.author]
+    assert question.answer is not None
+    assert first == [question.author]
     assert prompts.driving
 
 
@@ -92,7 +92,7 @@ def test_the_terminal_wakes_for_a_reply_and_a_requested_action() -> None:
         threading.Thread(target=prompts.reply, args=(question.number, Choice.SKIP, "Anna", "the page")).start()
         with pytest.raises(RepliedElsewhereError):
             prompts.read_line()
-    assert question.reply is not None
+    assert question.answer is not None
 
 
 def test_a_stop_ends_the_episode_only_while_driving() -> None:

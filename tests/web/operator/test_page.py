@@ -11,11 +11,10 @@ import pytest
 from websockets.sync.client import connect
 
 from tests.web.page_session import PageSession, ended_episode
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import Choice, QuestionKind
-from vsnbench.runner.operator.session_state import Picture
 from vsnbench.web.operator import app, clients
 from vsnbench.web.operator.clients import Clients
 from vsnbench.web.operator.page import qr_code
@@ -31,8 +30,7 @@ def test_all_operators_see_the_trial_and_the_first_start_counts(session: PageSes
         assert anna.post("/answer", question=question.number, answer="go").status == 200
         late = ben.post("/answer", question=question.number, answer="go")
         assert (late.status, "Anna" in late.json["message"]) == (409, True)
-    assert question.reply is not None
-    assert (question.reply.answer, question.reply.author) == (Choice.GO, "Anna")
+    assert (question.answer, question.author) == (Choice.GO, "Anna")
 
 
 def test_an_answer_needs_a_signed_in_operator(session: PageSession) -> None:
@@ -80,7 +78,7 @@ def test_no_page_is_missed_when_no_trial_is_left() -> None:
 def test_an_invalid_distance_is_refused(session: PageSession, distance: str) -> None:
     answer = session.browser("Anna").post("/amend", episode=1, seen=1, touched="no", distance=distance)
     assert (answer.status, answer.json["needs_confirmation"]) == (422, False)
-    assert episode_details(session.journal.engine, 1).current_verdict is None
+    assert episode_record(session.journal.engine, 1).current_verdict is None
 
 
 def test_a_distance_far_from_the_estimate_needs_confirmation(session: PageSession) -> None:
@@ -97,13 +95,13 @@ def test_a_judgement_can_be_undone_then_corrected_with_a_reason(session: PageSes
     assert (episode["outcome"], episode["author"], episode["seen"]) == ("success", "Anna", 2)
     assert episode["undo_s"] > 0
     assert anna.post("/undo", episode=1, seen=2).status == 200
-    details = episode_details(session.journal.engine, 1)
-    assert (details.summary.outcome, details.summary.success, details.current_verdict) == ("unjudged", None, None)
+    details = episode_record(session.journal.engine, 1)
+    assert (details.outcome, details.success, details.current_verdict) == ("unjudged", None, None)
     assert [event.author for event in details.events if event.kind == "taken_back"] == ["Anna"]
     assert anna.post("/amend", episode=1, seen=2, touched="the bin").status == 200
     assert anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5").status == 409
     assert anna.post("/amend", episode=1, seen=3, touched="no", distance="0.5", note="it was a shadow").status == 200
-    assert episode_details(session.journal.engine, 1).summary.outcome == "success"
+    assert episode_record(session.journal.engine, 1).outcome == "success"
 
 
 def test_a_measured_distance_does_not_replace_the_estimate(session: PageSession) -> None:
@@ -125,7 +123,7 @@ def test_a_judgement_after_another_operators_is_refused(session: PageSession) ->
     answer = ben.post("/amend", episode=1, seen=1, touched="the bin")
     assert (answer.status, answer.json["code"]) == (409, "judged-meanwhile")
     assert "Anna" in answer.json["message"]
-    assert len(episode_details(session.journal.engine, 1).verdicts) == 2
+    assert len(episode_record(session.journal.engine, 1).verdicts) == 2
 
 
 def test_the_page_confirms_a_judgement_after_it_is_recorded(session: PageSession) -> None:
@@ -133,10 +131,10 @@ def test_the_page_confirms_a_judgement_after_it_is_recorded(session: PageSession
     session.prompts.state.episode_ended(ended_episode(session))
     with session.prompts.ask(QuestionKind.JUDGE) as question, ThreadPoolExecutor() as pool:
         answer = pool.submit(anna.post, "/judge", question=question.number, **form)
-        while question.reply is None:
+        while question.answer is None:
             assert not answer.done(), answer.result()
         assert not answer.done()
-        judgement = question.reply.answer
+        judgement = question.answer
         assert isinstance(judgement, Judgement)
         session.journal.judge(1, judgement.verdict, author="Anna", note=judgement.note, seen=1)
         assert answer.result().status == 200
@@ -148,7 +146,7 @@ def test_an_answer_about_another_episode_is_refused(session: PageSession) -> Non
     with session.prompts.ask(QuestionKind.JUDGE) as question:
         assert anna.post("/judge", question=question.number, episode=2, touched="no").status == 409
         assert anna.post("/amend", episode=1, seen=1, touched="no").status == 409, "it is the current question"
-    assert question.reply is None
+    assert question.answer is None
 
 
 def test_unjudged_episodes_stay_in_the_list(session: PageSession, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,8 +159,7 @@ def test_the_trial_of_a_void_episode_runs_again_first(session: PageSession) -> N
     anna = session.browser("Anna")
     with session.prompts.ask(QuestionKind.FINISH) as question:
         assert anna.post("/amend", episode=1, seen=1, void="a visitor").status == 200
-    assert question.reply is not None
-    assert question.reply.answer is Choice.AGAIN
+    assert question.answer is Choice.AGAIN
     assert list(session.prompts.state.to_repeat) == [1]
 
 
@@ -173,7 +170,7 @@ def test_the_trial_of_a_retracted_void_does_not_run_again(session: PageSession) 
     assert (list(state.to_repeat), state.done) == ([1], done - 1)
     assert anna.post("/undo", episode=1, seen=2).status == 200
     assert (list(state.to_repeat), state.done) == ([], done)
-    assert episode_details(session.journal.engine, 1).summary.outcome == "unjudged"
+    assert episode_record(session.journal.engine, 1).outcome == "unjudged"
 
 
 def test_a_void_can_be_retracted_until_the_trial_drives_again(session: PageSession) -> None:
@@ -187,8 +184,7 @@ def test_a_void_can_be_retracted_until_the_trial_drives_again(session: PageSessi
     session.prompts.driving = False
     with session.prompts.ask(QuestionKind.PLACE) as question:
         assert anna.post("/undo", episode=1, seen=2).status == 200
-    assert question.reply is not None
-    assert question.reply.answer is Choice.SKIP
+    assert question.answer is Choice.SKIP
 
 
 def test_the_summary_counts_episodes_and_interventions(session: PageSession) -> None:
@@ -203,7 +199,7 @@ def test_the_picture_is_live_while_the_robot_drives(session: PageSession) -> Non
     session.camera.append(np.full((40, 60, 3), 200, np.uint8))
     assert anna.ask("GET", "/state").json["has_live_camera"]
     assert anna.ask("GET", "/picture").status == 404, "before the first action"
-    session.prompts.state.picture = Picture(1, np.full((40, 60, 3), 20, np.uint8))
+    session.prompts.state.picture = np.full((40, 60, 3), 20, np.uint8)
 
     def brightness() -> float:
         picture = cv2.imdecode(np.frombuffer(anna.ask("GET", "/picture").body, np.uint8), cv2.IMREAD_COLOR)
@@ -243,6 +239,6 @@ def test_random_requests_start_nothing_and_break_nothing(session: PageSession) -
                     content["episode"] = 999
                 status = anna.post(path, **content).status
             assert status < 500, (path, method)
-        assert question.reply is None or question.reply.answer is Choice.LATER
+        assert question.answer is None or question.answer is Choice.LATER
     assert not session.prompts.driving
     assert anna.ask("GET", "/state").status == 200

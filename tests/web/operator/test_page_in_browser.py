@@ -16,7 +16,7 @@ from tests.web.page_session import PageSession, ended_episode
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.limits import Spent
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import QuestionKind
 from vsnbench.runner.operator.session_state import ShownStep
@@ -70,7 +70,7 @@ def test_a_saved_judgement_can_be_undone_at_the_bottom_of_the_next_screen(page: 
         page.click("#undo-button")
         page.wait_for_selector("#episodes .judging-form [data-touched=no]")  # the form opens again
         assert page.locator("#undo-bar").is_hidden()
-    assert episode_details(session.journal.engine, 1).summary.outcome == "unjudged"
+    assert episode_record(session.journal.engine, 1).outcome == "unjudged"
 
 
 def test_an_open_form_closes_when_another_operator_judges_the_episode(page: Page, session: PageSession) -> None:
@@ -167,7 +167,7 @@ def test_every_screen_is_accessible_and_works_by_keyboard(page: Page, session: P
         assert reached[-5:] == ["go", "skip", "pause", "end", "SUMMARY"]
         page.locator("#go").press("Enter")
         page.wait_for_selector("#stop:focus")
-    assert question.reply is not None
+    assert question.answer is not None
     assert accessibility_findings(page) == [], "driving"
     page.keyboard.press("Enter")
     page.get_by_text("Stopped. The episode ends here.").wait_for()
@@ -201,7 +201,7 @@ def test_an_episode_is_judged_undone_and_declared_void_by_keyboard(page: Page, s
         page.locator("#episodes [data-name=void]").press_sequentially("a visitor")
         press_enter_on("#episodes [data-void]")
         page.get_by_text("void, the trial runs again").wait_for()
-    assert episode_details(session.journal.engine, 1).summary.outcome == "void"
+    assert episode_record(session.journal.engine, 1).outcome == "void"
 
 
 def test_a_slow_answer_does_not_redraw_the_form_and_undo_keeps_the_choices(page: Page, session: PageSession) -> None:
@@ -241,7 +241,7 @@ def test_a_slow_answer_does_not_redraw_the_form_and_undo_keeps_the_choices(page:
         page.reload()
         page.click("#episodes [data-amend]")
         assert page.input_value("#episodes [data-name=distance]") == "0.5"
-    assert episode_details(session.journal.engine, 1).summary.outcome == "unjudged"
+    assert episode_record(session.journal.engine, 1).outcome == "unjudged"
 
 
 def test_a_redraw_keeps_the_focus_and_an_open_form(page: Page, session: PageSession) -> None:

@@ -14,7 +14,7 @@ from tests.processes import wait_until
 from tests.results.records_of_a_lab import plan, run, stopped
 from tests.web.results_browser.served_record import HOSTILE, make_record, served
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 
@@ -77,7 +77,7 @@ def test_a_disagreement_is_found_opened_scrubbed_and_tagged_by_keyboard(browser:
         assert "#/?differ=slow" in page.url
         page.close()
     with open_record(sqlite_url(results / "vsnbench.db")) as engine:
-        assert episode_details(engine, 1).summary.tags == ("glare",)
+        assert episode_record(engine, 1).tags == ("glare",)
 
 
 def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results: Path) -> None:

@@ -11,7 +11,7 @@ from tests.web.browser import Answer, Browser
 from tests.web.second_judgement.blind_record import JUDGE, TELLTALE, entered, make_record, served
 from vsnbench.errors import UsageError
 from vsnbench.results.database_url import sqlite_url
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.second_judgements import Outcome, second_judgements
 
@@ -94,7 +94,7 @@ def test_an_answer_is_recorded_without_changing_the_verdict(record: Path) -> Non
         assert re.fullmatch("0.8 m to the nearest (chair|sofa); clear view", texts[0])
         assert texts[1:] == ["touched leg of the table", "void: a visitor in view"]
         for judgement in given:
-            verdicts = episode_details(engine, judgement.episode).verdicts
+            verdicts = episode_record(engine, judgement.episode).verdicts
             assert [verdict.author for verdict in verdicts] == ["vsnbench", JUDGE]
 
 

@@ -1,23 +1,27 @@
 """`vsnbench judge`: judge recorded episodes; earlier verdicts stay in the record."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Database, Results, options_under, results_directory
 from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.model import RecordedVerdict
     from vsnbench.runner.judging.case import Case
     from vsnbench.runner.judging.decision import Answer
     from vsnbench.runner.operator.contract import Judgement
 
+PENDING_FIELDS = ("id", "model", "robot", "goal", "start", "repetition", "origin", "ended_at")
+"""Quantities of the episodes that `--pending --json` lists."""
 _answer_option = options_under("Judgement (one of these)")
 _second_option = options_under("Blind second judgement")
 
@@ -124,14 +128,14 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
 
 def _judge(place: "ResultsDirectory", number: int, answer: "Answer", *, yes: bool, as_json: bool) -> None:
-    from vsnbench.results.reading.queries import episode_details
+    from vsnbench.results.reading.queries import episode_record
     from vsnbench.results.schema.migrate import open_record
     from vsnbench.results.writing.journal import Journal
     from vsnbench.results.writing.provenance import gather_provenance
     from vsnbench.runner.judging.case import Case
 
     with open_record(place.database_url, reads_copy=False) as engine:
-        details = episode_details(engine, number)
+        details = episode_record(engine, number)
     judgement = _decided(Case.of_recorded(details), replace(answer, is_confirmed=yes))
     verdict, provenance = judgement.verdict, gather_provenance()
     with Journal.open(place.database_url, provenance) as journal:
@@ -155,35 +159,47 @@ def _decided(case: "Case", answer: "Answer") -> "Judgement":
 
 def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
     from vsnbench.protocol.judge import EndReason
-    from vsnbench.results.reading.queries import pending_episodes
+    from vsnbench.results.model import EPISODE
+    from vsnbench.results.reading.filtering import EpisodeFilter
+    from vsnbench.results.reading.queries import list_episodes, proposals
     from vsnbench.results.schema.migrate import open_record
 
     with open_record(place.database_url) as engine:
-        pending = pending_episodes(engine)
+        pending = list_episodes(engine, EpisodeFilter(outcome="unjudged"))
+        proposed = proposals(engine, [episode.id for episode in pending])
     if as_json:
-        fields = [asdict(episode) for episode in pending]
-        print_json([{name: value for name, value in each.items() if name != "end_reason"} for each in fields])
+        fields = EPISODE.only(*PENDING_FIELDS)
+        print_json([{**fields.json(episode), **_proposed(proposed.get(episode.id))} for episode in pending])
         return
     if not pending:
         typer.echo("no episode awaits judgement", err=True)
         return
     columns = (
-        ListColumn("episode", right=True),
+        Column("episode"),
         name_column("model"),
-        ListColumn("goal"),
-        ListColumn("start", right=True),
-        ListColumn("ended (UTC)", rank=1),
+        Column("goal", number=False),
+        Column("start"),
+        Column("ended (UTC)", number=False, rank=1),
         prose_column("proposal"),
     )
     rows = []
     for episode in pending:
         start = str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else "")
-        proposal = episode.proposal or f"none ({episode.origin}, ended with {episode.end_reason})"
-        if not episode.proposal and not EndReason(episode.end_reason).is_result:
+        proposal = f"none ({episode.origin}, ended with {episode.ended_with})"
+        if episode.id in proposed:
+            proposal = proposed[episode.id].reason
+        elif not EndReason(str(episode.ended_with)).is_result:
             proposal += "; give --collision OBJECT or --void REASON"
         ended = f"{episode.ended_at:%Y-%m-%d %H:%M}" if episode.ended_at else "hidden"
         rows.append((str(episode.id), safe(episode.model), safe(episode.goal), start, ended, safe(proposal)))
     print_list(columns, rows)
-    options = ["--confirm"] if any(episode.proposal for episode in pending) else []
-    options += ["--distance 0.84"] if any(episode.end_reason == EndReason.STOP.value for episode in pending) else []
+    options = ["--confirm"] if proposed else []
+    options += ["--distance 0.84"] if any(episode.ended_with == EndReason.STOP.value for episode in pending) else []
     typer.echo(f"vsnbench judge N {', or '.join([*options, '--void REASON'])} ...{place.options}", err=True)
+
+
+def _proposed(verdict: "RecordedVerdict | None") -> dict[str, object]:
+    return {
+        "proposal": verdict.reason if verdict else None,
+        "proposed_success": verdict.success if verdict else None,
+    }

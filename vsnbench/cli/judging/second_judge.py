@@ -9,7 +9,7 @@ from vsnbench.cli.support.output import print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.judging.decision import Answer
@@ -31,7 +31,7 @@ def answer_second(
             advice="--distance, --collision, --void, --confirm (it ended as recorded) or --retract",
         )
     with open_record(place.database_url, reads_copy=False) as engine:
-        case = blind_case(episode_details(engine, number))
+        case = blind_case(episode_record(engine, number))
     if retract:
         with Journal.open(place.database_url) as journal:
             journal.retract_second(number, rater)

@@ -1,17 +1,17 @@
 """`vsnbench db`: location, state, upgrade, backup and merge of the results database."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, print_list
+from vsnbench.cli.support.listing import print_list
 from vsnbench.cli.support.lists import split_numbers
 from vsnbench.cli.support.options import Database, Results, open_results, results_directory
 from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     Example: [bold]vsnbench db status --results /data/apartment[/bold]
     """
     from vsnbench.results.database_url import sqlite_path
-    from vsnbench.results.reading.queries import campaign_states, count_episodes
-    from vsnbench.results.reading.rows import EpisodeFilter
+    from vsnbench.results.model import CAMPAIGN
+    from vsnbench.results.reading.queries import list_campaigns, outcome_counts
     from vsnbench.results.schema.engine import open_engine
     from vsnbench.results.schema.migrate import schema_state
 
@@ -54,11 +54,8 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
     schema = schema_state(engine)
     file = sqlite_path(place.database_url)
     size = file.stat().st_size if file else None
-    campaigns = campaign_states(engine) if schema.up_to_date else ()
-    outcomes = ("success", "failure", "unjudged", "void", "running")
-    episodes = {
-        outcome: count_episodes(engine, EpisodeFilter(outcome=outcome)) for outcome in outcomes if schema.up_to_date
-    }
+    campaigns = list_campaigns(engine) if schema.up_to_date else ()
+    episodes = outcome_counts(engine) if schema.up_to_date else {}
     engine.dispose()
     if as_json:
         print_json(
@@ -68,7 +65,7 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
                 "newest_schema": schema.head,
                 "size_bytes": size,
                 "episodes": episodes,
-                "campaigns": [asdict(campaign) for campaign in campaigns],
+                "campaigns": [CAMPAIGN.json(campaign) for campaign in campaigns],
             }
         )
         return
@@ -84,12 +81,12 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
         return
     seeds = {campaign.seed for campaign in campaigns}
     columns = (
-        ListColumn("campaign", right=True),
-        ListColumn("name", min_width=44 if max(seeds) < _LONG_SEED else 32, wraps=True),
-        ListColumn("seed", right=True, rank=0 if len(seeds) > 1 else 3),
-        ListColumn("robot", rank=2),
-        ListColumn("trials done", right=True),
-        ListColumn("begun (UTC)", rank=1),
+        Column("campaign"),
+        Column("name", number=False, min_width=44 if max(seeds) < _LONG_SEED else 32, wraps=True),
+        Column("seed", rank=0 if len(seeds) > 1 else 3),
+        Column("robot", number=False, rank=2),
+        Column("trials done"),
+        Column("begun (UTC)", number=False, rank=1),
     )
     rows = [
         (

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from vsnbench.report.analysis.courses import CourseMeasures
     from vsnbench.results.goals import RecordedGoal
-    from vsnbench.results.reading.rows import EpisodeDetails
+    from vsnbench.results.model import EpisodeRecord
     from vsnbench.text.terminal import Console
     from vsnbench.values.step import StepRecord
 
@@ -23,7 +23,7 @@ COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cy
 
 def print_page(
     console: "Console",
-    details: "EpisodeDetails",
+    episode: "EpisodeRecord",
     steps: "tuple[StepRecord, ...]",
     measures: "CourseMeasures",
     directory: Path | None,
@@ -31,12 +31,12 @@ def print_page(
     every_step: bool,
 ) -> None:
     """Print an episode; `directory` holds its images, or is None without images."""
-    _print_summary(console, details, measures, directory)
+    _print_summary(console, episode, measures, directory)
     _print_actions(console, steps)
     if every_step:
         _print_steps(console, steps)
-    _print_judgement(console, details)
-    _print_provenance(console, details)
+    _print_judgement(console, episode)
+    _print_provenance(console, episode)
 
 
 def metres(value: float | None, success_distance_m: float | None = None) -> str:
@@ -72,19 +72,18 @@ def _course_rows(progress: float | None, measures: "CourseMeasures") -> list[tup
 
 
 def _print_summary(
-    console: "Console", details: "EpisodeDetails", measures: "CourseMeasures", directory: Path | None
+    console: "Console", episode: "EpisodeRecord", measures: "CourseMeasures", directory: Path | None
 ) -> None:
-    episode = details.summary
     color = COLORS[episode.outcome]
-    note = "" if details.counts or episode.outcome == "running" else "; it does not count for its trial"
-    article = "a " if details.goal_definition is None else ""
+    note = "; it does not count for its trial" if episode.state in ("void", "superseded") else ""
+    article = "a " if episode.goal_definition is None else ""
     console.print(
         f"[bold]Episode {episode.id}[/]: {safe(episode.model)} looks for {article}[bold]{safe(episode.goal)}[/] from "
         f"position {episode.start}, repetition {episode.repetition}: [{color}]{episode.outcome}[/]{note}"
     )
     source = f" ({episode.distance_source})" if episode.distance_source else ""
     rows = [
-        *_goal_rows(details.goal_definition),
+        *_goal_rows(episode.goal_definition),
         ("campaign", f"{episode.campaign_id}: {safe(episode.campaign)}"),
         (
             "robot, site",
@@ -92,23 +91,23 @@ def _print_summary(
         ),
         (
             "ended with",
-            safe(episode.end_reason or "still running") + (f": {safe(details.error)}" if details.error else ""),
+            safe(episode.end_reason or "still running") + (f": {safe(episode.error)}" if episode.error else ""),
         ),
         ("actions", str(episode.actions)),
-        ("distance to goal", (metres(episode.distance_to_goal_m, episode.success_distance_m) or "unknown") + source),
+        ("distance to goal", (metres(episode.distance_m, episode.success_distance_m) or "unknown") + source),
         *_course_rows(episode.progress, measures),
         (
             "path",
-            f"{metres(episode.path_length_m) or 'unknown'} (shortest {metres(episode.geodesic_start_m) or 'unknown'})",
+            f"{metres(episode.path_m) or 'unknown'} (shortest {metres(episode.shortest_m) or 'unknown'})",
         ),
         (
             "duration",
-            _seconds(episode.duration_s) + f" of robot time, {_seconds(details.wall_duration_s)} of wall time",
+            _seconds(episode.duration_s) + f" of robot time, {_seconds(episode.wall_duration_s)} of wall time",
         ),
         ("started", f"{episode.started_at:%Y-%m-%d %H:%M:%S} UTC"),
-        *_session_and_placement(details),
+        *_session_and_placement(episode),
         *([("tags", safe(", ".join(episode.tags)))] if episode.tags else []),
-        ("seed", str(details.seed)),
+        ("seed", str(episode.seed)),
         ("uuid", episode.uuid),
         ("files", safe(directory) if directory else "none"),
     ]
@@ -123,13 +122,13 @@ def _goal_rows(goal: "RecordedGoal | None") -> "list[tuple[str, str]]":
     return [("goal", f"{goal.kind}{words}"), ("targets", safe(goal.target_text))]
 
 
-def _session_and_placement(details: "EpisodeDetails") -> "list[tuple[str, str]]":
+def _session_and_placement(episode: "EpisodeRecord") -> "list[tuple[str, str]]":
     rows = []
-    if (session := details.session) is not None:
+    if (session := episode.session) is not None:
         until = f"{session.ended_at:%H:%M} UTC" if session.ended_at else "now"
         reason = f": {safe(session.words)}" if session.words else ""
         rows.append(("session", f"{safe(session.operator)}, {session.began_at:%Y-%m-%d %H:%M} to {until}{reason}"))
-    if (measured := details.measured) is not None:
+    if (measured := episode.measured) is not None:
         by = f", accepted by {safe(measured.author)}" if measured.author else ""
         moved = f"; moved since the survey: {safe(', '.join(measured.moved))}" if measured.moved else ""
         rows.append(("placed", f"{safe(measured.words)}{by}{moved}"))
@@ -190,17 +189,17 @@ def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     console.print(table)
 
 
-def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
-    console.print("\n[bold]Verdicts[/] (the last one counts)" if details.verdicts else "\n[bold]No verdict yet[/]")
-    for verdict in details.verdicts:
+def _print_judgement(console: "Console", episode: "EpisodeRecord") -> None:
+    console.print("\n[bold]Verdicts[/] (the last one counts)" if episode.verdicts else "\n[bold]No verdict yet[/]")
+    for verdict in episode.verdicts:
         console.print(
             f"  {verdict.created_at:%Y-%m-%d %H:%M:%S}  {safe(verdict.reason)}  "
             f"[dim]({safe(verdict.author)}, {safe(verdict.source)})[/]",
             soft_wrap=True,
         )
-    if details.events:
+    if episode.events:
         console.print("\n[bold]Events[/]")
-    for event in details.events:
+    for event in episode.events:
         where = f"action {event.step_number}" if event.step_number else ""
         author = f" [dim]({safe(event.author)})[/]" if event.author else ""
         console.print(
@@ -209,8 +208,8 @@ def _print_judgement(console: "Console", details: "EpisodeDetails") -> None:
         )
 
 
-def _print_provenance(console: "Console", details: "EpisodeDetails") -> None:
-    provenance = details.provenance
+def _print_provenance(console: "Console", episode: "EpisodeRecord") -> None:
+    provenance = episode.provenance
     git = (
         f", commit {provenance.git_commit[:12]}{' with changes' if provenance.git_dirty else ''}"
         if provenance.git_commit

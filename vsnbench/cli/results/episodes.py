@@ -6,18 +6,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.cli.support.terminal import page, safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
     from vsnbench.report.analysis.courses import CourseMeasures
-    from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
+    from vsnbench.results.model import EpisodeRecord
+    from vsnbench.results.reading.filtering import EpisodeFilter
     from vsnbench.values.step import StepRecord
 
 app = typer.Typer(no_args_is_help=True)
@@ -72,8 +74,9 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.results.episode_page import COLORS, metres
     from vsnbench.protocol.disturbances import NONE, parse_disturbances
     from vsnbench.results.annotations import read_tag
+    from vsnbench.results.model import EPISODE
+    from vsnbench.results.reading.filtering import OUTCOMES, EpisodeFilter
     from vsnbench.results.reading.queries import count_episodes, list_episodes
-    from vsnbench.results.reading.rows import OUTCOMES, EpisodeFilter
 
     if outcome and outcome not in OUTCOMES:
         raise UsageError(f"unknown outcome {outcome!r}", advice=f"use one of {', '.join(OUTCOMES)}")
@@ -92,7 +95,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
         if not episodes:
             _refuse_unknown(engine, selected)
         if as_json:
-            print_json([_summary_object(episode) for episode in episodes])
+            print_json([EPISODE.json(episode) for episode in episodes])
             return
         total = count_episodes(engine, selected) if maximum and len(episodes) == maximum else len(episodes)
     if not episodes:
@@ -101,16 +104,16 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     has_tags = any(episode.tags for episode in episodes)
     is_disturbed = any(episode.disturbances for episode in episodes)
     columns = (
-        ListColumn("episode", right=True),
+        Column("episode"),
         name_column("model"),
         *([name_column("disturbed")] if is_disturbed else []),
-        ListColumn("goal"),
-        ListColumn("start", right=True),
-        ListColumn("result"),
-        ListColumn("actions", right=True, rank=1),
-        ListColumn("to goal", right=True, rank=2),
+        Column("goal", number=False),
+        Column("start"),
+        Column("result", number=False),
+        Column("actions", rank=1),
+        Column("to goal", rank=2),
         *([prose_column("tags")] if has_tags else []),
-        ListColumn("began (UTC)", rank=3),
+        Column("began (UTC)", number=False, rank=3),
     )
     rows = []
     for episode in episodes:
@@ -123,7 +126,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
             str(episode.start) + (f" ({episode.repetition})" if episode.repetition > 1 else ""),
             f"[{color}]{episode.outcome}[/]" + (f": {safe(why)}" if why else ""),
             str(episode.actions),
-            metres(episode.distance_to_goal_m, episode.success_distance_m),
+            metres(episode.distance_m, episode.success_distance_m),
             *([safe(", ".join(episode.tags))] if has_tags else []),
             f"{episode.started_at:%Y-%m-%d %H:%M}",
         )
@@ -140,8 +143,8 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
         UsageError: there is one.
     """
     from vsnbench.models.names import known_models
-    from vsnbench.results.reading.queries import campaign_states, count_episodes, recorded_goals, recorded_models
-    from vsnbench.results.reading.rows import EpisodeFilter
+    from vsnbench.results.reading.filtering import EpisodeFilter
+    from vsnbench.results.reading.queries import count_episodes, list_campaigns, recorded_goals, recorded_models
     from vsnbench.sites.categories import GOAL_CATEGORIES
     from vsnbench.text.suggestions import unknown_name
 
@@ -153,7 +156,7 @@ def _refuse_unknown(engine: "Engine", selected: "EpisodeFilter") -> None:
             if name not in recorded and name not in others:
                 raise UsageError(unknown_name(kind, name, recorded, "this record"), code=f"unknown-{kind}")
     campaign = selected.campaign
-    known = {name for state in campaign_states(engine) for name in (str(state.id), state.name)}
+    known = {name for state in list_campaigns(engine) for name in (str(state.id), state.name)}
     if campaign and campaign not in known and not count_episodes(engine, EpisodeFilter(campaign=campaign)):
         raise UsageError(
             f"campaign {campaign!r} does not exist",
@@ -178,108 +181,28 @@ def show(
     """
     from vsnbench.cli.results.episode_page import print_page
     from vsnbench.report.analysis.courses import measures_of
-    from vsnbench.results.reading.queries import episode_details, episode_steps
+    from vsnbench.results.reading.queries import episode_record, episode_steps
 
     with open_results(results, db) as (place, engine):
-        details, recorded_steps = episode_details(engine, number), episode_steps(engine, number)
-        measures = measures_of(engine, details)
-    directory = place.episode_directory(details.summary.images_directory) if details.summary.images_directory else None
+        episode, recorded_steps = episode_record(engine, number), episode_steps(engine, number)
+        measures = measures_of(engine, episode)
+    directory = place.episode_directory(episode.images_directory) if episode.images_directory else None
     if as_json:
-        print_json(_details_object(details, recorded_steps, measures, directory))
+        print_json(_shown(episode, recorded_steps, measures, directory))
         return
-    print_page(page(), details, recorded_steps, measures, directory, every_step=steps)
+    print_page(page(), episode, recorded_steps, measures, directory, every_step=steps)
 
 
-def _summary_object(episode: "EpisodeSummary") -> dict[str, object]:
-    """Return an episode as JSON fields; they are stable."""
-    return {
-        "id": episode.id,
-        "uuid": episode.uuid,
-        "campaign": episode.campaign,
-        "campaign_id": episode.campaign_id,
-        "model": episode.model,
-        "disturbances": episode.disturbances,
-        "robot": episode.robot,
-        "simulated": episode.simulated,
-        "site": episode.site,
-        "goal": episode.goal,
-        "start": episode.start,
-        "repetition": episode.repetition,
-        "origin": episode.origin,
-        "outcome": episode.outcome,
-        "end_reason": episode.end_reason,
-        "success": episode.success,
-        "actions": episode.actions,
-        "distance_to_goal_m": episode.distance_to_goal_m,
-        "distance_source": episode.distance_source,
-        "collision": episode.collision,
-        "path_length_m": episode.path_length_m,
-        "shortest_path_m": episode.geodesic_start_m,
-        "geodesic_end_m": episode.geodesic_end_m,
-        "progress": episode.progress,
-        "duration_s": episode.duration_s,
-        "started_at": episode.started_at.isoformat(),
-        "ended_at": episode.ended_at.isoformat() if episode.ended_at else None,
-        "images_directory": episode.images_directory,
-        "tags": list(episode.tags),
-    }
-
-
-def _details_object(
-    details: "EpisodeDetails", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
+def _shown(
+    episode: "EpisodeRecord", steps: "tuple[StepRecord, ...]", measures: "CourseMeasures", directory: Path | None
 ) -> dict[str, object]:
-    fields = asdict(details)
-    del fields["summary"]
+    """Return an episode with its steps as JSON fields; they are stable. Unknown values are null."""
+    from vsnbench.results.model import EPISODE_RECORD
+    from vsnbench.results.step_fields import STEP
+
     return {
-        **_summary_object(details.summary),
-        **fields,
+        **EPISODE_RECORD.json(episode),
         **asdict(measures),
-        "thinking_s": _thinking_s(steps),
         "directory": str(directory) if directory else None,
-        "steps": [_step_object(step) for step in steps],
-    }
-
-
-def _thinking_s(steps: "tuple[StepRecord, ...]") -> float | None:
-    """Return the inference time of an episode; None unless every step has one."""
-    times = [step.timings.infer_s for step in steps]
-    return sum(time for time in times if time is not None) if times and None not in times else None
-
-
-def _step_object(step: "StepRecord") -> dict[str, object]:
-    """Return a step as JSON fields; they are stable. Unknown values are null."""
-    from vsnbench.results.schema.row_encoding import number
-    from vsnbench.values.motion_result import MotionResult
-    from vsnbench.values.movement import movement_to_json
-
-    result = step.result or MotionResult(completed=False)
-    collision = result.collision
-    return {
-        "number": step.number,
-        "raw_action": step.raw_action,
-        "action": step.action,
-        "blocked": step.blocked,
-        "completed": result.completed,
-        "failure": result.failure,
-        "recorded_at": step.recorded_at,
-        "stamp_s": step.stamp_s,
-        "observed": asdict(step.observed) if step.observed else None,
-        "after": asdict(step.after) if step.after else None,
-        "world": asdict(step.world) if step.world else None,
-        "displacement_m": number(result.displacement_m),
-        "turn_rad": number(result.turn_rad),
-        "duration_s": number(result.duration_s),
-        "corrections": result.corrections,
-        "collision_source": collision.source if collision else None,
-        "collision_touched": collision.touched if collision else None,
-        "rgb_digest": step.rgb_digest,
-        "depth_digest": step.depth_digest,
-        "rgb_file_digest": step.rgb_file_digest,
-        "depth_file_digest": step.depth_file_digest,
-        **asdict(step.timings),
-        "movement": movement_to_json(step.movement) if step.movement else None,
-        "path_m": number(result.path_m) if result.path_m is not None else None,
-        "part": list(step.part) if step.part else None,
-        "probabilities": step.probabilities,
-        "details": step.details,
+        "steps": [STEP.json(step) for step in steps],
     }

@@ -138,12 +138,12 @@ def bag(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.recorded_messages import COLOR
     from vsnbench.interop.rosbag import write_bag
-    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.reading.queries import episode_record, episode_steps
 
     file = _file(output, ".bag")
     with open_results(results, db) as (place, engine):
-        (episode,) = read_episodes(engine, [number])
-        messages = write_bag(episode, episode_steps(engine, episode.id), place.path, file)
+        read_episodes(engine, [number])
+        messages = write_bag(episode_record(engine, number), episode_steps(engine, number), place.path, file)
     if messages.get(COLOR) == 0:
         logger.warning("episode %d keeps no images: the bag has only odometry and actions", number)
     text = f"{file}: " + ", ".join(f"{count} on {topic}" for topic, count in messages.items() if count)
@@ -167,7 +167,7 @@ def mcap(
     from vsnbench.interop.episodes import read_episodes
     from vsnbench.interop.mcap_file import write_mcap
     from vsnbench.interop.recorded_messages import COLOR
-    from vsnbench.results.reading.queries import episode_steps
+    from vsnbench.results.reading.queries import episode_record, episode_steps
 
     directory, written = _directory(output), []
     with open_results(results, db) as (place, engine), ProgressBars() as progress:
@@ -175,7 +175,8 @@ def mcap(
         for done, episode in enumerate(episodes):
             progress.show("episodes", done, len(episodes))
             path = directory / f"{episode.id:06d}.mcap"
-            messages = write_mcap(episode, episode_steps(engine, episode.id), place.path, path)
+            record, steps = episode_record(engine, episode.id), episode_steps(engine, episode.id)
+            messages = write_mcap(record, steps, place.path, path)
             if not messages[COLOR]:
                 logger.warning("episode %d keeps no images: %s has only odometry and actions", episode.id, path)
             written.append(path)

@@ -8,8 +8,8 @@ from pathlib import Path
 from vsnbench.cli.support.progress import ProgressBars
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import counted
 from vsnbench.viewer.replay import read_episode

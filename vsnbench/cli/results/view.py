@@ -86,8 +86,8 @@ def _chosen(place: "ResultsDirectory", given: tuple[int, ...], *, next_failure: 
     Raises:
         UsageError: not one or two numbers were given, or no later episode failed.
     """
+    from vsnbench.results.reading.filtering import EpisodeFilter
     from vsnbench.results.reading.queries import list_episodes
-    from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.results.schema.migrate import open_record
 
     most = 1 if next_failure else 2

@@ -141,15 +141,13 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         fail_fast=fail_fast,
     )
     if len(models) * len(seeds) * len(sites) == 1:
-        provider, single = OperatorProvider(unattended, page), request.at(sites[0], first_site)
-        run_and_exit(lambda: _run_and_report(single, provider, live=live, as_json=as_json), summary_console())
+        provider, single = OperatorProvider(unattended, page.serve if page else None), request.at(sites[0], first_site)
+        run_and_exit(summary_console(), _run_and_report, single, provider, live=live, as_json=as_json)
     if page is not None:
         raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
     from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console
 
-    run_and_exit(
-        lambda: run_sweep_and_report(request, models, seeds, sites, live=live, as_json=as_json), sweep_console()
-    )
+    run_and_exit(sweep_console(), run_sweep_and_report, request, models, seeds, sites, live=live, as_json=as_json)
 
 
 def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":

@@ -158,4 +158,4 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         logger.warning("%s", weakness)
     else:
         sweep_console().print(power_line(design))
-    run_and_exit(lambda: run_stress(sweep, request, unseen, figure, as_json=as_json), sweep_console())
+    run_and_exit(sweep_console(), run_stress, sweep, request, unseen, figure, as_json=as_json)

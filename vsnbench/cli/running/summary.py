@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import NoReturn
+from typing import NoReturn, ParamSpec
 
 import typer
 from rich.markup import escape
@@ -22,11 +22,13 @@ from vsnbench.text.terminal import Console
 
 logger = logging.getLogger(__name__)
 
+P = ParamSpec("P")
+
 THREAD_TIMEOUT_S = 2.0
 """Time to wait at exit for threads that a model started."""
 
 
-def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
+def run_and_exit(console: Console, run: Callable[P, int], *arguments: P.args, **options: P.kwargs) -> NoReturn:
     """Run trials and exit with the code that `run` returns, also if threads of a model would keep the process alive.
 
     If a person or a signal stops the run, the message goes to the console, and the exit code is 129 to 143. Processes
@@ -36,7 +38,7 @@ def run_and_exit(run: Callable[[], int], console: Console) -> NoReturn:
     threads, pids = threading.enumerate(), frozenset(process.pid for process in descendants())
     adopt_orphans()
     try:
-        code = run()
+        code = run(*arguments, **options)
     except Stopped as stopped:
         request = stopped.request
         by = request.means if request.author is StopAuthor.PERSON else request.description

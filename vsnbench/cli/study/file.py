@@ -7,7 +7,7 @@ from shlex import quote
 
 from vsnbench.errors import RecordError, StudyError
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.reading.blinding import HIDDEN
+from vsnbench.results.reading.read_model import HIDDEN
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import RecordedStudy
 from vsnbench.results.studies.evidence import read_evidence

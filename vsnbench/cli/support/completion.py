@@ -140,8 +140,8 @@ def _recorded(context: Context, limit: int | None) -> Any:
     """Return episodes of the record that the command would read."""
     from vsnbench.config import apply_config_defaults
     from vsnbench.results.files.directory import ResultsDirectory
+    from vsnbench.results.reading.filtering import EpisodeFilter
     from vsnbench.results.reading.queries import list_episodes
-    from vsnbench.results.reading.rows import EpisodeFilter
     from vsnbench.results.schema.migrate import open_record
 
     apply_config_defaults()

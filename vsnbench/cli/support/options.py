@@ -194,10 +194,11 @@ def requested_workers(given: str) -> "WorkerOptions":
         UsageError: it is none of them.
     """
     from vsnbench.runner.executors.capacity import WorkerOptions
+    from vsnbench.runner.executors.ray_connection import ClusterAddress
 
     if given.startswith("ray://"):
         cluster = load_config().cluster
-        return WorkerOptions(cluster.workers, given, cluster.gpus_per_worker)
+        return WorkerOptions(cluster.workers, ClusterAddress.parse(given), cluster.gpus_per_worker)
     if given == "auto":
         return WorkerOptions(None)
     if not given.isdecimal() or not 1 <= int(given) <= _MAX_WORKERS:

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import UsageError
-from vsnbench.interop.episodes import ExportedEpisode
+from vsnbench.interop.episodes import taken_s
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.model import Episode
 from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import picture_size
 from vsnbench.values.goal import GoalKind
@@ -56,7 +57,7 @@ class RecordedImages:
 class EpisodeFrames:
     """An episode for a dataset, with N frames."""
 
-    episode: ExportedEpisode
+    episode: Episode
     task: str
     """What to do, in words."""
     state: Floats
@@ -78,7 +79,7 @@ class EpisodeFrames:
 
 
 def frames_of(
-    episode: ExportedEpisode, steps: Iterable[StepRecord], results_directory: Path, *, with_depth: bool
+    episode: Episode, steps: Iterable[StepRecord], results_directory: Path, *, with_depth: bool
 ) -> EpisodeFrames:
     """Return the frames of an episode.
 
@@ -103,7 +104,7 @@ def frames_of(
         action.append((moved.x_m, moved.y_m, moved.heading_rad, float(step.action is Action.STOP)))
     directory = confined(results_directory, episode.images_directory)
     numbers = tuple(step.number for step in taken)
-    times_s = np.array([episode.taken_s(step) for step in taken])
+    times_s = np.array([taken_s(episode, step) for step in taken])
     return EpisodeFrames(
         episode=episode,
         task=task_text(episode),
@@ -117,19 +118,19 @@ def frames_of(
     )
 
 
-def task_text(episode: ExportedEpisode) -> str:
+def task_text(episode: Episode) -> str:
     """Return the task in words: an instruction as it is, and "find …" for other goals."""
-    if episode.goal_kind is GoalKind.INSTRUCTION:
+    if episode.goal_kind == GoalKind.INSTRUCTION:
         return episode.goal_text
-    if episode.goal_kind is GoalKind.TEXT:
+    if episode.goal_kind == GoalKind.TEXT:
         return f"find {episode.goal_text}"
-    if episode.goal_kind is GoalKind.IMAGE:
+    if episode.goal_kind == GoalKind.IMAGE:
         return f"find what the photograph {episode.goal} shows"
     words = (episode.goal_text or episode.goal).replace("_", " ")
     return f"find {'an' if words[:1].lower() in 'aeiou' else 'a'} {words}"
 
 
-def _images(episode: ExportedEpisode, directory: Path, numbers: tuple[int, ...], *, depth: bool) -> RecordedImages:
+def _images(episode: Episode, directory: Path, numbers: tuple[int, ...], *, depth: bool) -> RecordedImages:
     kind, path_of = ("depth image", depth_path) if depth else ("image", rgb_path)
     sizes, content_bytes = set(), 0
     for number in numbers:

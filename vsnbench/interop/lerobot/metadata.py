@@ -8,6 +8,7 @@ from typing import Any, Final
 from vsnbench.interop.lerobot.features import CAMERA, FRAMES_PER_S, Feature
 from vsnbench.interop.lerobot.frames import EpisodeFrames
 from vsnbench.interop.lerobot.statistics import Statistics
+from vsnbench.results.model import EPISODE
 
 VERSION: Final = "v3.0"
 """Version of the format."""
@@ -15,6 +16,9 @@ CHUNK_FILES: Final = 1000
 """Files per directory `chunk-…`."""
 DATA_FILE_MB: Final = 100
 VIDEO_FILE_MB: Final = 200
+_RECORDED: Final = EPISODE.only(
+    *("id", "model", "robot", "simulated", "site", "goal", "start", "end_reason", "success", "counts")
+)
 _PLACE: Final = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 
 
@@ -65,19 +69,7 @@ def write_metadata(
 
 def _recorded(frames: EpisodeFrames) -> dict[str, Any]:
     """Return what the record has about an episode, for filters such as `episode_filter`."""
-    episode = frames.episode
-    return {
-        "vsnbench/episode": episode.id,
-        "vsnbench/model": episode.model,
-        "vsnbench/robot": episode.robot,
-        "vsnbench/simulated": episode.simulated,
-        "vsnbench/site": episode.site,
-        "vsnbench/goal": episode.goal,
-        "vsnbench/start": episode.start,
-        "vsnbench/end_reason": episode.end_reason,
-        "vsnbench/success": bool(episode.success),
-        "vsnbench/counts": episode.counts,
-    }
+    return {f"vsnbench/{one.heading}": one.of(frames.episode) for one in _RECORDED}
 
 
 def _as_lists(found: Statistics) -> dict[str, Any]:

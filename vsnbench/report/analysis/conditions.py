@@ -9,7 +9,7 @@ from sqlalchemy import Connection, or_, select
 
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
-from vsnbench.results.reading.blinding import CODE, MODEL_NAME
+from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
 from vsnbench.results.writing.imports import IMPORTED

@@ -8,7 +8,7 @@ from itertools import pairwise
 from vsnbench.report.study.conclusion import conclusion
 from vsnbench.report.study.primary import Primary, analyse, in_order
 from vsnbench.results.goals import goals_of_campaign
-from vsnbench.results.reading.blinding import HIDDEN
+from vsnbench.results.reading.read_model import HIDDEN
 from vsnbench.results.schema.engine import reading
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import AMEND, OVER, SESSION, SESSION_END, SUSPEND, UNBLIND, RecordedStudy

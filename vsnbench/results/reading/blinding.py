@@ -1,50 +1,24 @@
-"""Blinding: arms of a blinded study are shown as codes in every query.
+"""Blinding: what a query does not return of the arms of a blinded study.
 
-Every query of a model's or campaign's name uses `MODEL_NAME` and `CAMPAIGN_NAME`. Other identifying data (weights,
-settings, hashes, diagnostics, timing, error messages) are hidden as well. The database contains the real names, so the
+Names are codes (`read_model.CODE`). Other identifying data (weights, settings, hashes, diagnostics, timing, error
+messages) are hidden as their declarations say (`vsnbench.results.model`). The database contains the real names, so the
 blinding relies on not reading it directly.
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from datetime import datetime
-from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Text, case, cast, func, literal, select
-from sqlalchemy.orm import InstrumentedAttribute
+from sqlalchemy import Connection, select
 
-from vsnbench.protocol.judge import EndReason
-from vsnbench.results.reading.rows import EpisodeDetails, EpisodeProvenance
-from vsnbench.results.schema.study_tables import Study, StudyArm
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Trial
+from vsnbench.results.fields import without_hidden
+from vsnbench.results.model import EPISODE, EpisodeProvenance, EpisodeRecord
+from vsnbench.results.reading.read_model import CODE, HIDDEN, TELLING
+from vsnbench.results.schema.tables import Campaign, Episode, Trial
+from vsnbench.results.step_fields import STEP
 from vsnbench.values.step import StepRecord, StepTimings
 
-HIDDEN = "hidden while the study is blinded"
-"""Replacement of texts that could identify a model."""
-TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})
-"""End reasons and event kinds with texts from the model."""
-
-
-def _code(campaign_id: InstrumentedAttribute[int]) -> Any:
-    return (
-        select(literal("study").concat(cast(Study.id, Text)).concat("-").concat(StudyArm.code))
-        .select_from(StudyArm)
-        .join(Study, Study.id == StudyArm.study_id)
-        .where(StudyArm.campaign_id == campaign_id, Study.blind.is_(True), Study.unblinded_at.is_(None))
-    )
-
-
-CODE: ColumnElement[str | None] = _code(Campaign.id).correlate(Campaign).scalar_subquery()
-"""Code of a campaign that is an arm of a blinded study; NULL for others."""
-MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, Model.name)
-CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
-CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
-ENDED_AT: ColumnElement[datetime | None] = case((CODE.is_(None), Episode.ended_at), else_=None)
-"""End of an episode; NULL for a blinded arm, because the model's time is in it."""
-HIDDEN_COLUMNS = frozenset(
-    {"recorded_at", "stamp_s", "sense_s", "infer_s", "move_s", "ended_at", "wall_duration_s", "thinking_s"}
-)
+HIDDEN_COLUMNS = EPISODE.hidden | STEP.hidden - {"raw_action"}
 """Columns of tables of steps and episodes that have no values for a blinded arm; `raw_action` is the action there."""
 
 
@@ -87,29 +61,19 @@ def hide_steps(steps: Iterable[StepRecord]) -> tuple[StepRecord, ...]:
     return tuple(hidden)
 
 
-def hide_details(details: EpisodeDetails) -> EpisodeDetails:
+def hide_record(episode: EpisodeRecord) -> EpisodeRecord:
     """Return an episode without identifying data."""
     return replace(
-        details,
-        error=HIDDEN if details.error and details.ended_with in TELLING else details.error,
-        wall_duration_s=None,
+        episode,
         verdicts=tuple(
             replace(verdict, reason=verdict.end_reason) if verdict.end_reason in TELLING else verdict
-            for verdict in details.verdicts
+            for verdict in episode.verdicts
         ),
-        events=tuple(replace(event, text=HIDDEN) if event.kind in TELLING else event for event in details.events),
-        provenance=_hide_provenance(details.provenance),
+        events=tuple(replace(event, text=HIDDEN) if event.kind in TELLING else event for event in episode.events),
+        provenance=_hide_provenance(episode.provenance),
     )
 
 
-def _hide_provenance(given: EpisodeProvenance) -> EpisodeProvenance:
-    return replace(
-        given,
-        platform={name: value for name, value in given.platform.items() if not name.startswith("model_")},
-        weights_sha256="",
-        weights_label="",
-        model_files={},
-        model_code={},
-        model_settings={},
-        campaign_key="",
-    )
+def _hide_provenance(recorded: EpisodeProvenance) -> EpisodeProvenance:
+    platform = {name: value for name, value in recorded.platform.items() if not name.startswith("model_")}
+    return replace(without_hidden(recorded), platform=platform)

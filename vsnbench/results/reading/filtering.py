@@ -1,21 +1,42 @@
-"""Restricts a query to the episodes of a filter."""
+"""Filters of episodes: a selection by a user, and the conditions that it adds to a query."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Select, or_, select
 
-from vsnbench.protocol.disturbances import text_of_conditions
+from vsnbench.protocol.disturbances import Disturbances, text_of_conditions
+from vsnbench.protocol.judge import EndReason
 from vsnbench.results.annotations import has_note, has_tag
-from vsnbench.results.reading.blinding import CAMPAIGN_KEY, CAMPAIGN_NAME, MODEL_NAME
-from vsnbench.results.reading.read_model import END_REASON, SUCCESS
-from vsnbench.results.reading.rows import EpisodeFilter
+from vsnbench.results.reading.read_model import CAMPAIGN_KEY, CAMPAIGN_NAME, END_REASON, MODEL_NAME, OUTCOME
 from vsnbench.results.schema.tables import Campaign, Episode, Trial
-from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState
 
 _SHORTEST_KEY = 8
 """Minimum number of a key's digits; shorter numbers are campaign numbers."""
-_SUCCESS = {"success": True, "failure": False}
-_STATES = {"running": ACTIVE, "unjudged": (EpisodeState.AWAITING,), "void": (EpisodeState.VOID,)}
+OUTCOMES = ("success", "failure", "void", "running", "unjudged", *(reason.value for reason in EndReason))
+"""Outcomes that `EpisodeFilter.outcome` accepts."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeFilter:
+    """Selection of episodes; empty fields select all."""
+
+    models: tuple[str, ...] = ()
+    goals: tuple[str, ...] = ()
+    campaign: str = ""
+    """Number or name of the campaign, or at least eight leading digits of its key."""
+    outcome: str = ""
+    """`success`, `failure`, `void`, `running`, `unjudged` or an end reason."""
+    tags: tuple[str, ...] = ()
+    """Episodes with all of these tags."""
+    disturbances: Disturbances | None = None
+    """Episodes with exactly these disturbances; None for all episodes."""
+    note: str = ""
+    """Episodes with these words in a note, or in the note of a verdict."""
+    numbers: tuple[int, ...] = ()
+    """Episodes with these numbers."""
+    has_ended: bool = False
+    """Only episodes that have ended."""
 
 
 def restricted(
@@ -41,10 +62,11 @@ def restricted(
     query = query.where(*map(has_tag, which.tags))
     if which.note:
         query = query.where(has_note(which.note))
-    if which.outcome in _SUCCESS:
-        query = query.where(SUCCESS.is_(_SUCCESS[which.outcome]))
-    elif which.outcome in _STATES:
-        query = query.where(Episode.state.in_([state.value for state in _STATES[which.outcome]]))
-    elif which.outcome:
-        query = query.where(END_REASON.in_([which.outcome]))
+    if which.numbers:
+        query = query.where(Episode.id.in_(which.numbers))
+    if which.has_ended:
+        query = query.where(Episode.end_reason.is_not(None))
+    if which.outcome:
+        is_reason = which.outcome in set(EndReason)
+        query = query.where((END_REASON if is_reason else OUTCOME).in_([which.outcome]))
     return query

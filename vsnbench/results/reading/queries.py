@@ -3,133 +3,139 @@
 They raise RecordError if the database cannot be read.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import Connection, Engine, Select, func, select
-from sqlalchemy.orm import aliased
+from sqlalchemy import Engine, func, select
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.annotations import tags_of
+from vsnbench.results.fields import Fields, fields_of
 from vsnbench.results.goals import goal_of_trial, with_goals
-from vsnbench.results.reading.blinding import (
-    CAMPAIGN_KEY,
-    CAMPAIGN_NAME,
-    ENDED_AT,
-    MODEL_NAME,
-    blind_episodes,
-    hide_details,
-    hide_steps,
-)
-from vsnbench.results.reading.filtering import restricted
-from vsnbench.results.reading.read_model import (
-    COLLISION,
-    COUNTS,
-    DISTANCE_M,
-    DISTANCE_SOURCE,
-    END_REASON,
-    GOAL_INSTANCE,
-    SUCCESS,
-    episodes_of_campaigns,
-    episodes_of_trials,
-)
-from vsnbench.results.reading.rows import (
-    CampaignState,
-    EpisodeDetails,
-    EpisodeFilter,
+from vsnbench.results.model import (
+    CAMPAIGN,
+    EPISODE,
+    PROVENANCE,
+    Campaign,
+    Episode,
     EpisodeProvenance,
-    EpisodeSummary,
-    PendingEpisode,
+    EpisodeRecord,
     RecordedEvent,
     RecordedVerdict,
 )
+from vsnbench.results.reading.blinding import blind_episodes, hide_record, hide_steps
+from vsnbench.results.reading.filtering import EpisodeFilter, restricted
+from vsnbench.results.reading.read_model import MODEL_NAME, OUTCOME, episodes_of_campaigns, episodes_of_trials
+from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, transaction
-from vsnbench.results.schema.row_encoding import columns_of_fields, fix_of_columns, parts
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
-from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
+from vsnbench.results.schema.row_encoding import parts
 from vsnbench.results.writing.sessions import placement_of, session_of
 from vsnbench.results.writing.steps import step_of_row
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.fix import PoseSource
 from vsnbench.values.step import StepRecord
 
+_VERDICT, _EVENT = fields_of(RecordedVerdict), fields_of(RecordedEvent)
 
-def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[EpisodeSummary, ...]:
+
+def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None) -> tuple[Episode, ...]:
     """Return episodes by number; with a limit, the latest ones."""
     with transaction(reading(engine)) as connection:
-        query = restricted(connection, _summary_query(), which)
+        query = restricted(connection, episodes_of_campaigns(*EPISODE.columns()), which)
         if limit is None:
-            rows = connection.execute(query.order_by(Episode.id)).all()
+            rows = connection.execute(query.order_by(tables.Episode.id)).all()
         else:
-            rows = connection.execute(query.order_by(Episode.id.desc()).limit(limit)).all()[::-1]
-        return _summaries(connection, rows)
+            rows = connection.execute(query.order_by(tables.Episode.id.desc()).limit(limit)).all()[::-1]
+        found = list(EPISODE.read(Episode, rows, tags=()))
+        tags = tags_of(connection, (episode.id for episode in found))
+        return tuple(replace(one, tags=tags[one.id]) if one.id in tags else one for one in found)
+
+
+def episode_rows(engine: Engine, fields: Fields) -> list[list[Any]]:
+    """Return some quantities of all episodes, the number among them, by number; for lists that are too long for values.
+
+    Tags stand in the end of a row.
+    """
+    query = episodes_of_campaigns(*fields.columns()).order_by(tables.Episode.id)
+    place = fields.names.index("id")
+    with transaction(reading(engine)) as connection:
+        rows = list(fields.rows(connection.execute(query)))
+        tags = tags_of(connection, (row[place] for row in rows))
+    for row in rows:
+        row.append(tags.get(row[place], ()))
+    return rows
 
 
 def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
     """Return the number of episodes that match a filter."""
     with transaction(reading(engine)) as connection:
-        query = restricted(connection, episodes_of_campaigns(func.count(Episode.id)), which)
+        query = restricted(connection, episodes_of_campaigns(func.count(tables.Episode.id)), which)
         return int(connection.execute(query).scalar_one())
 
 
-def episode_details(engine: Engine, episode_id: int) -> EpisodeDetails:
+def outcome_counts(engine: Engine) -> dict[str, int]:
+    """Return the number of episodes by outcome, in the order of `Episode.outcome`'s words."""
+    query = episodes_of_trials(OUTCOME, func.count()).group_by(OUTCOME)
+    with transaction(reading(engine)) as connection:
+        found: dict[str, int] = dict(connection.execute(query).all())
+    return {outcome: found.get(outcome, 0) for outcome in ("success", "failure", "unjudged", "void", "running")}
+
+
+def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
     """Return one episode with its verdicts, events and provenance.
 
     Raises:
         UsageError: the episode does not exist.
     """
+    this = tables.Episode.id == episode_id
     with transaction(reading(engine)) as connection:
-        summary = _one_summary(connection, episode_id)
-        episode = connection.execute(select(Episode.__table__).where(Episode.id == episode_id)).one()
-        verdicts = select(*columns_of_fields(Verdict, RecordedVerdict)).where(Verdict.episode_id == episode_id)
-        events = select(*columns_of_fields(Event, RecordedEvent)).where(Event.episode_id == episode_id)
-        counts, goal_instance = connection.execute(
-            episodes_of_trials(COUNTS, GOAL_INSTANCE).where(Episode.id == episode_id)
-        ).one()
-        details = EpisodeDetails(
-            summary=summary,
-            seed=episode.seed,
-            ended_with=episode.end_reason,
-            error=episode.error,
-            goal_definition=goal_of_trial(connection, episode.trial_id),
-            goal_instance=goal_instance,
-            wall_duration_s=episode.wall_duration_s,
-            placement=fix_of_columns(
-                episode.start_x_m,
-                episode.start_y_m,
-                episode.start_heading_rad,
-                episode.start_source or PoseSource.ESTIMATED.value,
-            ),
+
+        def all_of(fields: Fields, kind: type[Any], table: Any) -> tuple[Any, ...]:
+            query = select(*fields.columns()).where(table.episode_id == episode_id).order_by(table.id)
+            return tuple(fields.read(kind, connection.execute(query)))
+
+        rows = connection.execute(episodes_of_campaigns(*EPISODE.columns()).where(this)).all()
+        trial_id = connection.scalar(select(tables.Episode.trial_id).where(this))
+        if trial_id is None:
+            raise UsageError(
+                f"episode {episode_id} does not exist",
+                advice="`vsnbench episodes list` lists the episodes",
+                code="unknown-episode",
+            )
+        process = tables.Process.id == tables.Episode.process_id
+        origin = episodes_of_campaigns(*PROVENANCE.columns()).join(tables.Process, process).where(this)
+        (provenance,) = PROVENANCE.read(EpisodeProvenance, connection.execute(origin))
+        campaign_id = connection.scalar(select(tables.Trial.campaign_id).where(tables.Trial.id == trial_id))
+        content = with_goals(connection, provenance.site_content, [campaign_id or 0])
+        (episode,) = EPISODE.read(
+            EpisodeRecord,
+            rows,
+            tags=tags_of(connection, [episode_id]).get(episode_id, ()),
+            goal_definition=goal_of_trial(connection, trial_id),
             measured=placement_of(connection, episode_id),
             session=session_of(connection, episode_id),
-            final=fix_of_columns(episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source),
-            counts=bool(counts),
-            verdicts=tuple(RecordedVerdict(*row) for row in connection.execute(verdicts.order_by(Verdict.id))),
-            events=tuple(RecordedEvent(*row) for row in connection.execute(events.order_by(Event.id))),
-            provenance=_provenance(connection, episode_id),
+            verdicts=all_of(_VERDICT, RecordedVerdict, tables.Verdict),
+            events=all_of(_EVENT, RecordedEvent, tables.Event),
+            provenance=replace(provenance, site_content=content),
         )
-        return hide_details(details) if blind_episodes(connection, [episode_id]) else details
+        return hide_record(episode) if blind_episodes(connection, [episode_id]) else episode
 
 
-def pending_episodes(engine: Engine) -> tuple[PendingEpisode, ...]:
-    """Return the episodes that await an operator's judgement, by number."""
-    proposal, any_proposal = aliased(Verdict), aliased(Verdict)
-    latest = select(func.max(any_proposal.id)).where(
-        any_proposal.episode_id == Episode.id, any_proposal.proposed.is_(True)
-    )
-    query = (
-        episodes_of_campaigns(
-            *(Episode.id, MODEL_NAME, Robot.name, Trial.goal, Trial.start, Trial.repetition, Episode.origin),
-            *(Episode.end_reason, ENDED_AT, proposal.reason, proposal.success),
-        )
-        .outerjoin(proposal, proposal.id == latest.scalar_subquery())
-        .where(Episode.state == EpisodeState.AWAITING.value)
-        .order_by(Episode.id)
-    )
+def proposals(engine: Engine, numbers: Collection[int]) -> dict[int, RecordedVerdict]:
+    """Return the protocol's latest proposal for each of some episodes that has one."""
+    latest = select(func.max(tables.Verdict.id)).where(tables.Verdict.proposed.is_(True))
+    latest = latest.group_by(tables.Verdict.episode_id)
+    query = select(tables.Verdict.episode_id, *_VERDICT.columns())
     with transaction(reading(engine)) as connection:
-        return tuple(PendingEpisode(*row) for row in connection.execute(query))
+        rows = [
+            row
+            for some in parts(numbers)
+            for row in connection.execute(
+                query.where(tables.Verdict.id.in_(latest.where(tables.Verdict.episode_id.in_(some))))
+            )
+        ]
+    verdicts = _VERDICT.read(RecordedVerdict, (row[1:] for row in rows))
+    return {row[0]: verdict for row, verdict in zip(rows, verdicts, strict=True)}
 
 
 def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
@@ -138,7 +144,7 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     Raises:
         RecordError: a step is invalid.
     """
-    query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
+    query = select(tables.Step.__table__).where(tables.Step.episode_id == episode_id).order_by(tables.Step.number)
     with transaction(reading(engine)) as connection:
         steps = tuple(_step(row) for row in connection.execute(query))
         return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
@@ -152,48 +158,24 @@ def _step(row: Any) -> StepRecord:
         raise RecordError(f"{where}: {sanitize(str(error))[:80]}; the record is damaged") from error
 
 
-def campaign_states(engine: Engine) -> tuple[CampaignState, ...]:
+def list_campaigns(engine: Engine) -> tuple[Campaign, ...]:
     """Return all campaigns with their progress, in order of creation."""
-    planned = select(func.count()).where(Trial.campaign_id == Campaign.id).correlate(Campaign).scalar_subquery()
-    done = (
-        select(func.count(func.distinct(Episode.trial_id)))
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Trial.campaign_id == Campaign.id, Episode.state.in_([state.value for state in RESULTS]))
-        .correlate(Campaign)
-        .scalar_subquery()
-    )
     query = (
-        select(
-            Campaign.id,
-            CAMPAIGN_KEY,
-            CAMPAIGN_NAME,
-            Campaign.created_at,
-            MODEL_NAME,
-            Robot.name,
-            Robot.simulated,
-            Site.name,
-            Campaign.seed,
-            planned,
-            done,
-            Campaign.conditions,
-        )
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .order_by(Campaign.id)
+        select(*CAMPAIGN.columns())
+        .join(tables.Model, tables.Model.id == tables.Campaign.model_id)
+        .join(tables.Robot, tables.Robot.id == tables.Campaign.robot_id)
+        .join(tables.Site, tables.Site.id == tables.Campaign.site_id)
+        .order_by(tables.Campaign.id)
     )
     with transaction(reading(engine)) as connection:
-        return tuple(
-            replace(CampaignState(*row[:-1]), disturbances=text_of_conditions(row.conditions))
-            for row in connection.execute(query)
-        )
+        return tuple(CAMPAIGN.read(Campaign, connection.execute(query)))
 
 
 def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
     """Return the image directories of those of these episodes that are in the record."""
-    query = select(Episode.uuid, Episode.images_directory)
+    query = select(tables.Episode.uuid, tables.Episode.images_directory)
     with transaction(reading(engine)) as connection:
-        rows = [row for some in parts(uuids) for row in connection.execute(query.where(Episode.uuid.in_(some)))]
+        rows = [row for some in parts(uuids) for row in connection.execute(query.where(tables.Episode.uuid.in_(some)))]
     return {row.uuid: row.images_directory for row in rows}
 
 
@@ -206,92 +188,4 @@ def recorded_models(engine: Engine) -> set[str]:
 def recorded_goals(engine: Engine) -> set[str]:
     """Return the goals that have trials."""
     with transaction(reading(engine)) as connection:
-        return set(connection.scalars(select(Trial.goal).distinct()))
-
-
-def _summary_query() -> Select[*tuple[Any, ...]]:
-    """Select the columns of EpisodeSummary in order."""
-    return episodes_of_campaigns(
-        Episode.id,
-        Episode.uuid,
-        Campaign.id,
-        CAMPAIGN_NAME,
-        MODEL_NAME,
-        Robot.name,
-        Robot.simulated,
-        Site.name,
-        Trial.goal,
-        Trial.start,
-        Trial.repetition,
-        Episode.origin,
-        Episode.state,
-        END_REASON,
-        SUCCESS,
-        Episode.actions,
-        DISTANCE_M,
-        DISTANCE_SOURCE,
-        COLLISION,
-        Episode.path_length_m,
-        *(Episode.geodesic_start_m, Episode.geodesic_end_m),
-        Episode.duration_s,
-        Episode.started_at,
-        ENDED_AT,
-        Episode.images_directory,
-        Campaign.protocol["success_distance_m"].as_float(),
-        Campaign.conditions,
-    )
-
-
-def _one_summary(connection: Connection, episode_id: int) -> EpisodeSummary:
-    row = connection.execute(_summary_query().where(Episode.id == episode_id)).first()
-    if row is None:
-        raise UsageError(
-            f"episode {episode_id} does not exist",
-            advice="`vsnbench episodes list` lists the episodes",
-            code="unknown-episode",
-        )
-    return _summaries(connection, [row])[0]
-
-
-def _summaries(connection: Connection, rows: Sequence[Any]) -> tuple[EpisodeSummary, ...]:
-    tags = tags_of(connection, (row.id for row in rows))
-    found = (replace(EpisodeSummary(*row[:-1]), disturbances=text_of_conditions(row.conditions)) for row in rows)
-    return tuple(replace(summary, tags=tags[summary.id]) if summary.id in tags else summary for summary in found)
-
-
-def _provenance(connection: Connection, episode_id: int) -> EpisodeProvenance:
-    row = connection.execute(
-        select(
-            Process.vsnbench_version,
-            Process.git_commit,
-            Process.git_dirty,
-            Process.host,
-            Process.operator,
-            Process.command,
-            Process.packages,
-            Process.platform,
-            Model.weights_sha256,
-            Model.weights_label,
-            Model.files,
-            Model.code,
-            Model.settings,
-            Robot.kind,
-            Robot.profile,
-            Site.sha256,
-            Site.content,
-            Campaign.protocol,
-            Campaign.protocol_sha256,
-            Campaign.conditions,
-            *(Campaign.key, Campaign.seed, Campaign.id),
-        )
-        .select_from(Episode)
-        .join(Process, Process.id == Episode.process_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .where(Episode.id == episode_id)
-    ).one()
-    found = EpisodeProvenance(*row[:-1])
-    return replace(found, site_content=with_goals(connection, found.site_content, row[-1:]))
+        return set(connection.scalars(select(tables.Trial.goal).distinct()))

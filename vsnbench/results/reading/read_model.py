@@ -1,17 +1,42 @@
-"""Shared columns and selections of queries: current verdict, outcome, and whether an episode counts.
+"""Shared columns and selections of queries: current verdict, outcome, whether an episode counts, names while blind.
 
-The current verdict is the latest judgement, never a proposal. The first result of a trial counts, also while it awaits
-its judgement. Reports, lists, export and replay all select through `episodes_of_trials` or `episodes_of_campaigns`.
+The current verdict is the latest judgement, never a proposal. The first result of a trial counts once it is judged.
+Reports, lists, export and replay all select through `episodes_of_trials` or `episodes_of_campaigns`. Arms of a blinded
+study are shown as codes: every query of a model's or campaign's name uses `MODEL_NAME` and `CAMPAIGN_NAME`.
 """
 
 from typing import Any
 
-from sqlalchemy import BindParameter, ColumnElement, Select, case, exists, func, select
+from sqlalchemy import BindParameter, ColumnElement, Select, Text, case, cast, exists, func, literal, select
 from sqlalchemy.orm import InstrumentedAttribute, aliased
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial, Verdict
+from vsnbench.results.schema.study_tables import Study, StudyArm
+from vsnbench.results.schema.tables import Campaign, Episode, Goal, Model, Robot, Site, Trial, Verdict
 from vsnbench.results.writing.lifecycle import ACTIVE, RESULTS, EpisodeState
+
+
+def _code(campaign_id: InstrumentedAttribute[int]) -> Any:
+    return (
+        select(literal("study").concat(cast(Study.id, Text)).concat("-").concat(StudyArm.code))
+        .select_from(StudyArm)
+        .join(Study, Study.id == StudyArm.study_id)
+        .where(StudyArm.campaign_id == campaign_id, Study.blind.is_(True), Study.unblinded_at.is_(None))
+    )
+
+
+CODE: ColumnElement[str | None] = _code(Campaign.id).correlate(Campaign).scalar_subquery()
+"""Code of a campaign that is an arm of a blinded study; NULL for others."""
+MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, Model.name)
+CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
+CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
+HIDDEN = "hidden while the study is blinded"
+"""Replacement of texts that could identify a model."""
+TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})
+"""End reasons and event kinds with texts from the model."""
+ERROR: ColumnElement[str] = case(
+    (CODE.is_not(None) & (Episode.error != "") & Episode.end_reason.in_(sorted(TELLING)), HIDDEN), else_=Episode.error
+)
 
 
 def current_verdict_id(episode_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
@@ -53,14 +78,22 @@ COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING = "counted", "unjudged", "void", "s
 """Roles of an episode in a report: the result that counts; a result without verdict; void; a further result of the
 trial; not ended."""
 
-COUNTS: ColumnElement[bool] = Episode.state.in_(_values(RESULTS)) & _is_first_result()
-"""The episode is the one that counts for its trial, judged or not."""
+COUNTS: ColumnElement[bool] = (Episode.state == EpisodeState.JUDGED.value) & _is_first_result()
+"""The episode is the first result of its trial, and is judged: the only definition of what counts."""
+OUTCOME: ColumnElement[str] = case(
+    (Episode.state.in_(_values(ACTIVE)), "running"),
+    (Episode.state == EpisodeState.VOID.value, "void"),
+    (Episode.state == EpisodeState.AWAITING.value, "unjudged"),
+    (SUCCESS, "success"),
+    else_="failure",
+)
+"""Outcome according to the current verdict."""
 PART: ColumnElement[str] = case(
+    (COUNTS, COUNTED),
     (Episode.state.in_(_values(ACTIVE)), RUNNING),
     (Episode.state == EpisodeState.VOID.value, VOID),
     (~_is_first_result(), SUPERSEDED),
-    (Episode.state == EpisodeState.AWAITING.value, UNJUDGED),
-    else_=COUNTED,
+    else_=UNJUDGED,
 )
 """One of `COUNTED`, `UNJUDGED`, `VOID`, `SUPERSEDED`, `RUNNING`."""
 
@@ -76,13 +109,14 @@ def episodes_of_trials(*columns: Any) -> Select[Any]:
 
 
 def episodes_of_campaigns(*columns: Any) -> Select[Any]:
-    """Select columns of Episode, Trial, the current Verdict, Campaign, Model, Robot and Site."""
+    """Select columns of Episode, Trial, the current Verdict, Campaign, Model, Robot, Site and Goal."""
     return (
         episodes_of_trials(*columns)
         .join(Campaign, Campaign.id == Trial.campaign_id)
         .join(Model, Model.id == Campaign.model_id)
         .join(Robot, Robot.id == Campaign.robot_id)
         .join(Site, Site.id == Campaign.site_id)
+        .outerjoin(Goal, Goal.id == Trial.goal_id)
     )
 
 

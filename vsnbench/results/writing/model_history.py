@@ -5,7 +5,7 @@ from typing import Any
 
 from sqlalchemy import Connection, select
 
-from vsnbench.results.reading.blinding import CODE
+from vsnbench.results.reading.read_model import CODE
 from vsnbench.results.schema.tables import Campaign, Model
 from vsnbench.results.writing.campaigns import card_of_row
 from vsnbench.text.sanitize import sanitize

@@ -11,9 +11,10 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, Engine, func, select, update
 
+from vsnbench.results.fields import fields_of, quantity
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.placement_tables import Placement
-from vsnbench.results.schema.row_encoding import Row, columns_of_fields, insert_row, text
+from vsnbench.results.schema.row_encoding import Row, insert_row, text
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Session, Trial
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -26,33 +27,33 @@ from vsnbench.values.pose import Pose
 class RecordedSession:
     """The session of an episode."""
 
-    uuid: str
-    operator: str
-    began_at: datetime
-    ended_at: datetime | None
-    """None if the session is open."""
-    words: str
+    uuid: str = quantity("identity of the session in every record", Session.uuid)
+    operator: str = quantity("name of the operator", Session.operator)
+    began_at: datetime = quantity("time of its beginning", Session.began_at)
+    ended_at: datetime | None = quantity("time of its end", Session.ended_at, absent="while it is open")
+    words: str = quantity("why it ended; empty if the operator left", Session.words)
+
+
+_SESSION = fields_of(RecordedSession)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedPlacement:
     """A measured start pose of a robot."""
 
-    author: str
-    created_at: datetime
-    method: str
-    looks: int
-    pose: Fix
-    covariance: PoseCovariance
-    """In the site's frame."""
-    offset: Pose
-    """Offset from the mark: x ahead, y to the left."""
-    determined: bool
-    within_tolerance: bool
-    undetermined: tuple[str, ...]
-    moved: tuple[str, ...]
-    depth_scale: float
-    words: str
+    author: str = quantity("operator who accepted the placement; empty if it was not accepted")
+    created_at: datetime = quantity("time of the measurement")
+    method: str = quantity("`look` (one depth image) or `turn` (a turn on the spot)")
+    looks: int = quantity("number of depth images")
+    pose: Fix = quantity("measured pose")
+    covariance: PoseCovariance = quantity("covariance of the pose in the site's frame")
+    offset: Pose = quantity("offset from the starting position: x ahead, y left")
+    determined: bool = quantity("the images determine the pose")
+    within_tolerance: bool = quantity("the robot was within the tolerance of the starting position")
+    undetermined: tuple[str, ...] = quantity("directions that the images left open")
+    moved: tuple[str, ...] = quantity("ids of objects that are not where the site file has them")
+    depth_scale: float = quantity("correction factor of the depth camera's distances")
+    words: str = quantity("result in one line")
 
 
 def join_session(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:
@@ -99,11 +100,9 @@ def end_orphaned_session(connection: Connection, session_id: int) -> None:
 def session_of(connection: Connection, episode_id: int) -> RecordedSession | None:
     """Return the session of an episode; None without an operator."""
     row = connection.execute(
-        select(*columns_of_fields(Session, RecordedSession))
-        .join(Episode, Episode.session_id == Session.id)
-        .where(Episode.id == episode_id)
+        select(*_SESSION.columns()).join(Episode, Episode.session_id == Session.id).where(Episode.id == episode_id)
     ).first()
-    return None if row is None else RecordedSession(*row)
+    return None if row is None else next(_SESSION.read(RecordedSession, [row]))
 
 
 def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
@@ -148,7 +147,7 @@ def session_row(connection: Connection, session_id: int | None) -> Row | None:
     """Return the content of a session without foreign keys; None for None."""
     if session_id is None:
         return None
-    query = select(*columns_of_fields(Session, RecordedSession)).where(Session.id == session_id)
+    query = select(*_SESSION.columns()).where(Session.id == session_id)
     return dict(connection.execute(query).mappings().one())
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-from vsnbench.runner.executors.capacity import ClusterRequest, WorkerRequest
+from vsnbench.runner.executors.capacity import WorkerOptions, WorkerRequest
 from vsnbench.runner.executors.collecting import MergingPool
 from vsnbench.runner.executors.in_process import InProcessExecutor
 from vsnbench.runner.executors.local_pool import SharedWorkers
@@ -15,18 +15,22 @@ from vsnbench.runner.setup.trial_setup import TrialSetupSpec, open_trial_setup
 
 @contextmanager
 def open_executor(
-    spec: TrialSetupSpec, request: WorkerRequest | ClusterRequest, shared: SharedWorkers | None = None
+    spec: TrialSetupSpec, request: WorkerRequest | None, options: WorkerOptions, shared: SharedWorkers | None = None
 ) -> Iterator[TrialExecutor]:
     """Make the setup in this process, start workers, or connect to a cluster.
 
-    `shared` are workers of this machine that outlive the campaign. Without them, workers end with the context.
+    Args:
+        spec: the setup.
+        request: workers of this machine; None for the cluster of the options.
+        options: options of the command line about workers.
+        shared: workers of this machine that outlive the campaign. Without them, workers end with the context.
 
     Raises:
         UsageError: something named does not exist, does not fit together, or does not fit into memory.
         VsnbenchError: the model, the robot or the cluster cannot be used.
     """
-    if isinstance(request, ClusterRequest):
-        with MergingPool(RayTasks(spec, request)) as pool:
+    if request is None:
+        with MergingPool(RayTasks(spec, options)) as pool:
             yield pool
     elif request.limit == 1:
         dismiss_fork_server()

@@ -30,22 +30,11 @@ class WorkerOptions:
     """Options of the command line about workers."""
 
     count: int | None = 1
-    """None chooses the number from cores and memory."""
-    cluster: str = ""
-    """`ray://host:port`; empty for this machine."""
+    """Maximum number of trials at once; None chooses from cores and memory, or takes a cluster's cores."""
+    cluster: ClusterAddress | None = None
+    """None for this machine."""
     gpus_each: float = 0.0
     """Share of a GPU that each worker of a cluster holds."""
-
-
-@dataclass(frozen=True, slots=True)
-class ClusterRequest:
-    """Workers requested from a cluster."""
-
-    address: ClusterAddress
-    workers: int | None
-    """Maximum number of trials at once; None for the number of cores."""
-    gpus_each: float
-    """Share of a GPU that each worker holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +154,8 @@ def _within_sessions(request: WorkerRequest, sessions: int | None) -> WorkerRequ
 
 def worker_request(
     options: WorkerOptions, spec: TrialSetupSpec, trials: int, *, live: bool, attended: bool = False
-) -> WorkerRequest | ClusterRequest:
-    """Return the workers to request, and where.
+) -> WorkerRequest | None:
+    """Return the workers to request on this machine; None for those of the cluster of the options.
 
     Args:
         options: options of the command line.
@@ -195,7 +184,7 @@ def worker_request(
             f"{several}: {single}", advice=f"leave {several.split(maxsplit=1)[0]} out", code="single-worker"
         )
     if options.cluster:
-        return ClusterRequest(ClusterAddress.parse(options.cluster), options.count, options.gpus_each)
+        return None
     if single:
         return WorkerRequest(1, is_explicit=False)
     request = local_request(options.count, trials, Capacity.of_this_machine())

@@ -17,7 +17,7 @@ from typing import Any
 from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.provenance import Provenance
-from vsnbench.runner.executors.capacity import ClusterRequest
+from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.executors.collecting import TaskRunner
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
 from vsnbench.runner.executors.plan_transfer import PackedSpec
@@ -47,24 +47,26 @@ class _Parcel:
 class RayTasks(TaskRunner):
     """Runs trials on a Ray cluster."""
 
-    def __init__(self, spec: TrialSetupSpec, request: ClusterRequest) -> None:
-        """Connect, and have one worker make the trial setup.
+    def __init__(self, spec: TrialSetupSpec, options: WorkerOptions) -> None:
+        """Connect to the cluster of the options, and have one worker make the trial setup.
 
         Raises:
             UsageError: Ray is not installed, or the spec is not consistent.
             VsnbenchError: the cluster does not answer in time, or runs another version.
         """
-        address, workers, gpus_each = request.address, request.workers, request.gpus_each
+        address, workers, gpus_each = options.cluster, options.count, options.gpus_each
+        if address is None:
+            raise ValueError("the options name no cluster")
         spec = with_worker_device(spec, gpus_each)
         packed = PackedSpec.of(spec)
         self._ray = connect(address)
         self._trials: dict[Any, Trial] = {}
         try:
-            options = {"num_cpus": 1, "num_gpus": gpus_each, "max_retries": RETRIES, "max_calls": 0}
-            self._run = self._ray.remote(**options)(run_task)
+            needs = {"num_cpus": 1, "num_gpus": gpus_each, "max_retries": RETRIES, "max_calls": 0}
+            self._run = self._ray.remote(**needs)(run_task)
             self._parcel = _Parcel(str(uuid.uuid4()), (self._ray.put(packed),), shlex.join(sys.argv))
             places = self._capacity_now(address, gpus_each)
-            self.description = self._first_setup(options)
+            self.description = self._first_setup(needs)
             chosen = PackedSpec.of(spec.for_elsewhere(self.description.card))
             self._parcel = replace(self._parcel, packed=(self._ray.put(chosen),))
             self._at_once = workers or places

@@ -8,7 +8,7 @@ from vsnbench.errors import UsageError
 from vsnbench.protocol.human_verdict import LONGEST_M
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.reading.rows import EpisodeDetails, RecordedVerdict
+from vsnbench.results.model import EpisodeRecord, RecordedVerdict
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import reached_words
@@ -57,32 +57,31 @@ class Case:
         )
 
     @classmethod
-    def of_recorded(cls, details: EpisodeDetails) -> Self:
+    def of_recorded(cls, episode: EpisodeRecord) -> Self:
         """Return the case of an episode in the results database.
 
         Raises:
             UsageError: the episode has not ended.
         """
-        episode = details.summary
-        if details.ended_with is None:
+        if episode.ended_with is None:
             raise UsageError(f"episode {episode.id} has not ended", advice="judge it when it has")
         recorded = None
-        if episode.distance_to_goal_m is not None and episode.distance_source is not None:
+        if episode.distance_m is not None and episode.distance_source is not None:
             source = PoseSource(episode.distance_source)
-            recorded = GoalDistance(episode.distance_to_goal_m, source, details.goal_instance or "")
-        site = recorded_site(details)
+            recorded = GoalDistance(episode.distance_m, source, episode.goal_instance or "")
+        site = recorded_site(episode)
         return cls(
             number=episode.id,
             goal=episode.goal,
             start=episode.start,
-            ended_with=EndReason(details.ended_with),
+            ended_with=EndReason(episode.ended_with),
             actions=episode.actions,
-            parameters=ProtocolParameters.from_record(details.provenance.protocol),
+            parameters=ProtocolParameters.from_record(episode.provenance.protocol),
             longest_m=longest_distance_m(site) if site else LONGEST_M,
             measured_to=reached_words(site, episode.goal) if site else f"nearest {episode.goal}",
-            instance=details.goal_instance or "",
-            proposal=_verdict(details.proposal),
-            current_verdict=_verdict(details.current_verdict),
+            instance=episode.goal_instance or "",
+            proposal=_verdict(episode.proposal),
+            current_verdict=_verdict(episode.current_verdict),
             recorded_distance=recorded,
         )
 
@@ -116,10 +115,10 @@ def longest_distance_m(site: Site) -> float:
     return min(LONGEST_M, math.hypot(max(xs) - min(xs), max(ys) - min(ys)))
 
 
-def recorded_site(details: EpisodeDetails) -> Site | None:
+def recorded_site(episode: EpisodeRecord) -> Site | None:
     """Return the recorded site; None if it is damaged or, as in some imports, was never surveyed."""
     try:
-        return Site.model_validate(details.provenance.site_content)
+        return Site.model_validate(episode.provenance.site_content)
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
 

@@ -12,10 +12,9 @@ from pathlib import Path
 from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details
-from vsnbench.results.reading.rows import EpisodeDetails, EpisodeSummary
+from vsnbench.results.model import EpisodeRecord
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.writing.judging import trial_of
-from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.decision import JudgingForm, decide
 from vsnbench.runner.loop.contract import Session
@@ -35,7 +34,7 @@ SHOWN = 60
 class ShownEpisode:
     """A finished episode as a page shows it."""
 
-    summary: EpisodeSummary
+    episode: EpisodeRecord
     verdicts: int
     """Number of verdicts including proposals. A correction states the number that its author has seen."""
     author: str
@@ -59,8 +58,8 @@ class Corrections:
         """Return finished episodes, the latest first."""
         engine = self._journal.engine
         found = sorted(ended_episodes(engine, self._campaign_ids), key=lambda episode: episode.id, reverse=True)
-        older = (episode for episode in found[SHOWN:] if episode.state == EpisodeState.AWAITING)
-        return [_shown(episode_details(engine, episode.id)) for episode in (*found[:SHOWN], *older)]
+        older = (episode for episode in found[SHOWN:] if episode.outcome == "unjudged")
+        return [_shown(episode_record(engine, episode.id)) for episode in (*found[:SHOWN], *older)]
 
     def amend(self, number: int, form: JudgingForm, author: str, seen: int) -> str:
         """Judge an episode, or correct its current verdict.
@@ -91,7 +90,7 @@ class Corrections:
         judgement = decide(case, form.answer(case, is_correction=True))
         self._journal.judge(number, judgement.verdict, author=author, note=judgement.note, seen=seen)
         if judgement.verdict.success is None:
-            self._prompts.state.done -= details.summary.state != EpisodeState.VOID
+            self._prompts.state.done -= details.outcome != "void"
             self._repeat(number)
         self._prompts.record_changed()
         return judgement.verdict.text
@@ -110,7 +109,7 @@ class Corrections:
                 advice="correct it, with a reason",
                 code="too-late",
             )
-        was_void = details.summary.state == EpisodeState.VOID
+        was_void = details.outcome == "void"
         trial = trial_of(self._journal.engine, number) if was_void else 0
         upcoming = self._prompts.state.upcoming
         is_next = was_void and upcoming is not None and upcoming.trial == trial and upcoming.number != number
@@ -148,17 +147,17 @@ class Corrections:
     def frame(self, number: int, step: int) -> bytes | None:
         """Return the camera image before an action, as JPEG; None where it is not stored."""
         details = self._details(number)
-        if not details.summary.images_directory or step < 1:
+        if not details.images_directory or step < 1:
             return None
-        return read_confined(self._results.path, rgb_path(Path(details.summary.images_directory), step))
+        return read_confined(self._results.path, rgb_path(Path(details.images_directory), step))
 
     def summary(self) -> list[tuple[str, str]]:
         """Return names and values of the session's summary."""
         return session_summary(self._journal.engine, self._campaign_ids, self._prompts.state)
 
-    def _details(self, number: int) -> EpisodeDetails:
-        details = episode_details(self._journal.engine, number)
-        if details.summary.campaign_id not in self._campaign_ids:
+    def _details(self, number: int) -> EpisodeRecord:
+        details = episode_record(self._journal.engine, number)
+        if details.campaign_id not in self._campaign_ids:
             raise UsageError(
                 f"episode {number} does not belong to this session",
                 advice=f"`vsnbench judge {number}`",
@@ -187,18 +186,16 @@ class Corrections:
                 self._prompts.reply(question.number, Choice.SKIP, author, "the page")
 
 
-def _shown(details: EpisodeDetails) -> ShownEpisode:
+def _shown(details: EpisodeRecord) -> ShownEpisode:
     verdict, proposal = details.current_verdict, details.proposal
     author = verdict.author if verdict is not None and verdict.source == "person" else ""
     text = verdict.reason if verdict else f"proposed: {proposal.reason}" if proposal else ""
     if details.error and not author and details.ended_with in REPEATABLE:  # a model's error could name the model
         text = ": ".join(filter(None, (text, details.error)))
-    return ShownEpisode(
-        details.summary, len(details.verdicts), author, text, _undo_s(details), Case.of_recorded(details)
-    )
+    return ShownEpisode(details, len(details.verdicts), author, text, _undo_s(details), Case.of_recorded(details))
 
 
-def _undo_s(details: EpisodeDetails) -> float:
+def _undo_s(details: EpisodeRecord) -> float:
     verdict = details.current_verdict
     if verdict is None or verdict.source != "person":
         return 0.0

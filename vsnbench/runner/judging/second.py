@@ -12,8 +12,8 @@ from vsnbench.protocol.judge import EndReason, Verdict, judge
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details
-from vsnbench.results.reading.rows import EpisodeDetails
+from vsnbench.results.model import EpisodeRecord
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.second_judgements import (
     Outcome,
@@ -50,7 +50,7 @@ def read_rater(typed: str) -> str:
     return name
 
 
-def blind_case(details: EpisodeDetails) -> Case:
+def blind_case(details: EpisodeRecord) -> Case:
     """Return the case of an episode without its verdicts, distances and number.
 
     The proposal is what the end of the episode alone determines: a failure unless the model stopped.
@@ -191,7 +191,7 @@ class SecondRating:
         """Return the camera image before an action as JPEG without metadata; None where it is not stored."""
         import cv2
 
-        images = episode_details(self._journal.engine, self._number(code)).summary.images_directory
+        images = episode_record(self._journal.engine, self._number(code)).images_directory
         if not images or step < 1:
             return None
         content = read_confined(self._results.episode_directory(images), rgb_path(Path(), step))
@@ -210,6 +210,6 @@ class SecondRating:
         return self._numbers[code]
 
     def _episode(self, code: str) -> BlindEpisode:
-        details = episode_details(self._journal.engine, self._number(code))
+        details = episode_record(self._journal.engine, self._number(code))
         case, site = blind_case(details), recorded_site(details)
         return BlindEpisode(code, case, goal_words(site, case.goal) if site else case.goal)

@@ -4,12 +4,13 @@ import logging
 
 from vsnbench.errors import JudgedMeanwhileError
 from vsnbench.results.writing.entries import INTERVENTION
-from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.episode import EpisodeOperator
 from vsnbench.runner.episode.step import EpisodePlan, Step
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.loop.follow_up import strands_robot
-from vsnbench.runner.operator.contract import EndedEpisode, Judgement, Operator, Upcoming
+from vsnbench.runner.operator.contract import EndedEpisode, Judgement, Upcoming
 from vsnbench.runner.operator.placing import Placing
+from vsnbench.runner.study.blinding import hide_choice, hide_end
 from vsnbench.sites.site import StartingPosition
 
 logger = logging.getLogger(__name__)
@@ -19,12 +20,17 @@ PROPOSAL_ONLY = 1
 
 
 class RecordedOperator(EpisodeOperator):
-    """Passes calls on to the operator and records the answers; `default_name` is their author if no other is known."""
+    """Passes calls on to a session's operator and records the answers.
 
-    def __init__(self, journal: Journal, operator: Operator, default_name: str = "") -> None:
-        self._journal = journal
-        self._operator = operator
-        self._default_name = default_name
+    In a blind study, the operator sees neither the model's errors and diagnostics nor its computing times.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._journal = session.journal
+        self._operator = session.operator
+        self._is_blind = session.is_blind
+        self._default_name = session.recording.operator_name
+        """Author of answers if no other is known."""
         self._stranded: EndedEpisode | None = None
         """Episode whose failure left the robot where only a person can move it."""
         self._upcoming = 0
@@ -46,10 +52,11 @@ class RecordedOperator(EpisodeOperator):
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Show an action."""
-        self._operator.step_taken(plan, step)
+        self._operator.step_taken(plan, hide_choice(step) if self._is_blind else step)
 
     def episode_ended(self, ended: EndedEpisode, *, session_stopped: bool = False) -> None:
         """Show how an episode ended, and have its proposed verdict judged unless the session stopped with it."""
+        ended = hide_end(ended) if self._is_blind else ended
         self._operator.episode_ended(ended)
         if session_stopped:
             return

@@ -71,26 +71,20 @@ ANSWERS: dict[QuestionKind, frozenset[Choice]] = {
 """Valid choices of each question. JUDGE takes a judgement as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """The first answer to a question."""
-
-    answer: Choice | Judgement
-    author: str
-    source: str
-    """Where it was given: `the terminal` or `the page`."""
-    at: datetime
-
-
 @dataclass(slots=True)
 class Question:
-    """A question to the operator, open until there is a reply."""
+    """A question to the operator, open until it has an answer; the first one counts."""
 
     number: int
     kind: QuestionKind
     problem: str = ""
     """What was wrong with the last attempt, for the display."""
-    reply: Reply | None = None
+    answer: Choice | Judgement | None = None
+    author: str = ""
+    """Name of the person who answered; empty if it is not known."""
+    source: str = ""
+    """Where the answer was given: `the terminal` or `the page`."""
+    answered_at: datetime | None = None
     actions: list[str] = field(default_factory=list)
     """Actions that browsers request while the question is open, for example to look around."""
 
@@ -117,7 +111,7 @@ class OperatorPrompts:
         os.set_blocking(self._wakes, False)
         os.set_blocking(self._wake, False)
         self._question: Question | None = None
-        self._answered: dict[int, Reply] = {}
+        self._answered: dict[int, Question] = {}
         # Not from 1: a browser that outlives a killed run must not answer a question that it does not show.
         self._last = secrets.randbelow(2**30)
         self._paused_by = ""
@@ -187,7 +181,7 @@ class OperatorPrompts:
                 self._question = None
             self.notify()
 
-    def reply(self, number: int, answer: Choice | Judgement, author: str, source: str) -> Reply:
+    def reply(self, number: int, answer: Choice | Judgement, author: str, source: str) -> Question:
         """Answer a question.
 
         Raises:
@@ -203,7 +197,9 @@ class OperatorPrompts:
                 raise AnsweredMeanwhileError(
                     f"{self._paused_by} has paused the session", advice="resume it first", code="session-paused"
                 )
-            question.reply = self._answered[number] = Reply(answer, author, source, datetime.now(UTC))
+            question.author, question.source, question.answered_at = author, source, datetime.now(UTC)
+            question.answer = answer  # last, because other threads take it for the sign of an answer
+            self._answered[number] = question
             if answer is Choice.GO:
                 self.driving = True
                 self.state.driving_begins()
@@ -211,7 +207,7 @@ class OperatorPrompts:
                 self.ended_by = author or UNKNOWN_OPERATOR
             os.write(self._wake, b".")
         self.notify()
-        return question.reply
+        return question
 
     def request_action(self, number: int, action: str) -> None:
         """Request an action of the main thread while a question is open.
@@ -255,12 +251,13 @@ class OperatorPrompts:
 
     def _open(self, number: int) -> Question:
         question = self._question
-        if question is None or question.number != number or question.reply is not None:
+        if question is None or question.number != number or question.answer is not None:
             raise AnsweredMeanwhileError(self._first_answer(number))
         return question
 
     def _first_answer(self, number: int) -> str:
-        if (reply := self._answered.get(number)) is None:
+        if (first := self._answered.get(number)) is None or first.answered_at is None:
             return "this question is no longer asked; answer the current one"
-        what = "judged it" if isinstance(reply.answer, Judgement) else f"answered {reply.answer}"
-        return f"{reply.author or UNKNOWN_OPERATOR} {what} first, at {reply.source}, {reply.at.astimezone():%H:%M:%S}"
+        what = "judged it" if isinstance(first.answer, Judgement) else f"answered {first.answer}"
+        at = f"{first.answered_at.astimezone():%H:%M:%S}"
+        return f"{first.author or UNKNOWN_OPERATOR} {what} first, at {first.source}, {at}"

@@ -2,10 +2,9 @@
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from vsnbench.errors import RecordError
 from vsnbench.runner.loop.contract import Session
@@ -18,13 +17,9 @@ from vsnbench.runner.operator.terminal import TerminalOperator, require_terminal
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
 from vsnbench.values.robot_profile import RobotProfile
 
-
-class OperatorPageServer(Protocol):
-    """Serves the operator's prompts to browsers."""
-
-    def serve(self, prompts: OperatorPrompts, session: Session) -> AbstractContextManager[str]:
-        """Serve while the context is entered. Its value is the text about the address that the terminal shows."""
-        ...
+ServePage = Callable[[OperatorPrompts, Session], AbstractContextManager[str]]
+"""Serves the operator's prompts to browsers while the context is entered. Its value is the text about the address that
+the terminal shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +27,7 @@ class OperatorProvider:
     """Provides the person at this terminal, or a stand-in where the robot needs none or the run is unattended."""
 
     unattended: bool = False
-    page: OperatorPageServer | None = None
+    serve_page: ServePage | None = None
     """Serves the prompts to browsers as well."""
     label: str = ""
     """Place of the campaign in a sweep, for the display; empty outside of one."""
@@ -47,7 +42,7 @@ class OperatorProvider:
         Raises:
             UsageError: there is neither a terminal nor a page, and the run is not unattended.
         """
-        if not self.unattended and self.page is None:
+        if not self.unattended and self.serve_page is None:
             require_terminal(profile)
 
     @contextmanager
@@ -56,7 +51,7 @@ class OperatorProvider:
         robots, stop_requests = session.robots, session.stop_requests
         with ExitStack() as stack:
             progress = stack.enter_context(self._display(session))
-            if self.page is None and (not robots.needs_operator or self.unattended):
+            if self.serve_page is None and (not robots.needs_operator or self.unattended):
                 yield AbsentOperator(progress)
                 return
             stack.callback(session.journal.clear_operator)
@@ -69,8 +64,8 @@ class OperatorProvider:
             state.shows_actions, state.robot_radius_m = not session.is_blind, robots.robot.profile.base.radius_m
             state.done, state.read_battery = session.trials.done, lambda: robots.battery
             stack.callback(_show_summary, session, state, progress)
-            if self.page is not None:
-                progress.console.print(stack.enter_context(self.page.serve(prompts, session)))
+            if self.serve_page is not None:
+                progress.console.print(stack.enter_context(self.serve_page(prompts, session)))
             yield TerminalOperator(
                 progress,
                 emergency,
@@ -78,7 +73,7 @@ class OperatorProvider:
                 prompts,
                 name=session.recording.operator_name,
                 starts_trials=not robots.needs_operator,
-                has_page=self.page is not None,
+                has_page=self.serve_page is not None,
             )
 
     def _display(self, session: Session) -> ProgressDisplay:

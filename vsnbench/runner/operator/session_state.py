@@ -29,15 +29,6 @@ class ShownStep:
     """In the site's frame."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Picture:
-    """Last image of the robot's camera."""
-
-    number: int
-    rgb: npt.NDArray[np.uint8]
-    """(H, W, 3)."""
-
-
 @dataclass(slots=True)
 class SessionState:
     """The current trial and the results so far. Attributes are only replaced or extended, never edited in place."""
@@ -53,7 +44,10 @@ class SessionState:
     steps: list[ShownStep] = field(default_factory=list)
     spent: Spent = field(default_factory=Spent)
     """What the current episode has used of its limits."""
-    picture: Picture | None = None
+    picture: npt.NDArray[np.uint8] | None = None
+    """Last image of the robot's camera, (H, W, 3)."""
+    pictures: int = 0
+    """Number of images so far."""
     ended: EndedEpisode | None = None
     """The last finished episode."""
     left_at: Pose | None = None
@@ -111,7 +105,7 @@ class SessionState:
         action = step.decision.action.value if self.shows_actions else ""
         self.steps.append(ShownStep(action, step.blocked, step.after.pose))
         self.left_at, self.spent = step.after.pose, step.spent
-        self.picture = Picture(self.picture.number + 1 if self.picture else 1, step.observation.rgb)
+        self.picture, self.pictures = step.observation.rgb, self.pictures + 1
 
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Set the last finished episode."""

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 from sqlalchemy import Engine
 
+from vsnbench.results.model import Episode
+from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.results.reading.rows import EpisodeFilter, EpisodeSummary
-from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.results.writing.sessions import interventions_in
 from vsnbench.runner.operator.session_state import SessionState
 from vsnbench.text.sanitize import duration_text
 
 
-def ended_episodes(engine: Engine, campaign_ids: Sequence[int]) -> list[EpisodeSummary]:
+def ended_episodes(engine: Engine, campaign_ids: Sequence[int]) -> list[Episode]:
     """Return the finished episodes of some campaigns, by any process.
 
     Raises:
@@ -21,8 +21,7 @@ def ended_episodes(engine: Engine, campaign_ids: Sequence[int]) -> list[EpisodeS
     return [
         episode
         for campaign in campaign_ids
-        for episode in list_episodes(engine, EpisodeFilter(campaign=str(campaign)))
-        if episode.state in ENDED
+        for episode in list_episodes(engine, EpisodeFilter(campaign=str(campaign), has_ended=True))
     ]
 
 
@@ -33,14 +32,14 @@ def session_summary(engine: Engine, campaign_ids: Sequence[int], state: SessionS
         RecordError: the results cannot be read.
     """
     episodes = ended_episodes(engine, campaign_ids)
-    judged = [episode for episode in episodes if episode.state == EpisodeState.JUDGED]
+    judged = [episode for episode in episodes if episode.success is not None]
     driven_s = sum(episode.duration_s or 0.0 for episode in episodes)
-    driven_m = sum(episode.path_length_m or 0.0 for episode in episodes)
+    driven_m = sum(episode.path_m or 0.0 for episode in episodes)
     rows = [
         ("episodes", str(len(episodes))),
         ("judged", str(len(judged))),
-        ("await a judgement", str(sum(episode.state == EpisodeState.AWAITING for episode in episodes))),
-        ("void", str(sum(episode.state == EpisodeState.VOID for episode in episodes))),
+        ("await a judgement", str(sum(episode.outcome == "unjudged" for episode in episodes))),
+        ("void", str(sum(episode.outcome == "void" for episode in episodes))),
         ("interventions", str(interventions_in(engine, campaign_ids))),
         ("driven", driven_text(driven_s, driven_m)),
     ]

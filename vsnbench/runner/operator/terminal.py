@@ -46,7 +46,6 @@ from vsnbench.runner.operator.prompts import (
     Question,
     QuestionKind,
     RepliedElsewhereError,
-    Reply,
 )
 from vsnbench.runner.operator.terminal_placing import TerminalPlacing
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
@@ -214,30 +213,29 @@ class TerminalOperator(AbsentOperator):
         question: Question,
         ask: Callable[[], Choice | Judgement],
         carry_out: Callable[[str], None] = lambda _action: None,
-    ) -> Reply:
+    ) -> Question:
         """Return the first reply, from here or a browser; meanwhile carry out the requested actions."""
-        while question.reply is None:
+        while question.answer is None:
             try:
                 return self._prompts.reply(question.number, ask(), self._own_name, TERMINAL)
             except RepliedElsewhereError:
                 self._console.print()
             except AnsweredMeanwhileError as late:
                 self._console.print(f"\n[yellow]{escape(str(late))}[/yellow]")
-            while question.actions and question.reply is None:
+            while question.actions and question.answer is None:
                 carry_out(question.actions.pop(0))
-        reply = question.reply
-        answer = reply.answer.value if isinstance(reply.answer, Choice) else "a judgement"
+        answer = question.answer.value if isinstance(question.answer, Choice) else "a judgement"
         self._console.print(
-            f"[cyan]{escape(reply.author or UNKNOWN_OPERATOR)} answered at {reply.source}[/cyan]: {answer}"
+            f"[cyan]{escape(question.author or UNKNOWN_OPERATOR)} answered at {question.source}[/cyan]: {answer}"
         )
-        return reply
+        return question
 
-    def _start(self, reply: Reply) -> None:
-        if reply.answer is Choice.SKIP:
+    def _start(self, answered: Question) -> None:
+        if answered.answer is Choice.SKIP:
             raise TrialSkippedError
-        if reply.answer is Choice.END:
-            raise SessionEndedError(f"{reply.author or UNKNOWN_OPERATOR} ended the session at {reply.source}")
-        self._started_by = reply.author
+        if answered.answer is Choice.END:
+            raise SessionEndedError(f"{answered.author or UNKNOWN_OPERATOR} ended the session at {answered.source}")
+        self._started_by = answered.author
 
     def _ask_end(self) -> Choice:
         self._ask_until("Enter ends the session: ", parse_go)

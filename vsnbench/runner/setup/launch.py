@@ -17,7 +17,7 @@ from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.backends import open_executor
-from vsnbench.runner.executors.capacity import ClusterRequest, worker_request
+from vsnbench.runner.executors.capacity import worker_request
 from vsnbench.runner.executors.local_pool import SharedWorkers
 from vsnbench.runner.loop.campaign import CampaignSource
 from vsnbench.runner.loop.contract import Session, SessionResult
@@ -69,10 +69,10 @@ def launch(
         viewer = None
     live = viewer is not None and viewer.is_live
     workers = worker_request(request.workers, spec, request.max_trials, live=live, attended=request.attended)
-    if isinstance(workers, ClusterRequest) or workers.limit > 1:
+    if workers is None or workers.limit > 1:
         get_ready(results.database_url)  # while the workers start
     with ExitStack() as stack:
-        robots = stack.enter_context(open_executor(spec, workers, shared))
+        robots = stack.enter_context(open_executor(spec, workers, request.workers, shared))
         plan = _checked_plan(request, robots.description)
         if surveyed:
             check_survey(request.site, spec.site, robots.robot.profile.base.radius_m, spec.parameters)

@@ -1,12 +1,10 @@
 """Hides in a blind study what tells models apart: from the operator, and from Rerun."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from vsnbench.protocol.judge import Verdict
 from vsnbench.results.files.episode_entries import (
-    EndEntry,
     Entry,
     EpisodeHeader,
     EpisodeSink,
@@ -14,11 +12,11 @@ from vsnbench.results.files.episode_entries import (
     EventEntry,
     StepEntry,
 )
-from vsnbench.results.reading.blinding import HIDDEN, TELLING, hide_step
-from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.operator.contract import EndedEpisode, Judgement, Operator, Upcoming
-from vsnbench.runner.operator.placing import Placing
-from vsnbench.sites.site import StartingPosition
+from vsnbench.results.reading.blinding import hide_step
+from vsnbench.results.reading.read_model import HIDDEN, TELLING
+from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.runner.episode.step import Step
+from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.values.decision import Decision
 
 
@@ -27,50 +25,13 @@ def hide_verdict(verdict: Verdict) -> Verdict:
     return replace(verdict, text=verdict.end_reason.value) if verdict.end_reason.value in TELLING else verdict
 
 
-class BlindOperator(Operator):
-    """Passes calls on to an operator without the model's diagnostics, errors and computing times."""
-
-    def __init__(self, operator: Operator) -> None:
-        self._operator = operator
-        self.is_present = operator.is_present
-        self.repeats_void_trials = operator.repeats_void_trials
-
-    @property
-    def name(self) -> str:
-        """Name of the operator who started the last trial, or an empty string."""
-        return self._operator.name
-
-    def trial_begins(self, upcoming: Upcoming) -> None:
-        """Pass it on; the trial carries a code instead of the model's name."""
-        self._operator.trial_begins(upcoming)
-
-    def place(self, start: StartingPosition, problem: str, placing: Placing) -> None:
-        """Pass it on."""
-        self._operator.place(start, problem, placing)
-
-    def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        """Pass on the action without diagnostics and inference time."""
-        hidden = replace(step, decision=Decision(step.decision.action), timings=replace(step.timings, infer_s=None))
-        self._operator.step_taken(plan, hidden)
-
-    def episode_ended(self, ended: EndedEpisode) -> None:
-        """Pass it on without the model's error."""
-        self._operator.episode_ended(_hide_end(ended))
-
-    def judge(self, ended: EndedEpisode) -> Judgement | None:
-        """Ask for a judgement."""
-        return self._operator.judge(_hide_end(ended))
-
-    def trials_to_repeat(self) -> Sequence[int]:
-        """Return the trials to run again."""
-        return self._operator.trials_to_repeat()
-
-    def nothing_left(self) -> Sequence[int]:
-        """Ask whether the session ends."""
-        return self._operator.nothing_left()
+def hide_choice(step: Step) -> Step:
+    """Return a step without the model's diagnostics and inference time."""
+    return replace(step, decision=Decision(step.decision.action), timings=replace(step.timings, infer_s=None))
 
 
-def _hide_end(ended: EndedEpisode) -> EndedEpisode:
+def hide_end(ended: EndedEpisode) -> EndedEpisode:
+    """Return an ended episode without the model's error."""
     outcome = ended.outcome
     if outcome.verdict.end_reason.value not in TELLING:
         return ended
@@ -114,7 +75,7 @@ def _hide_entry(entry: Entry) -> Entry:
             return replace(entry, step=hide_step(entry.step), decision=Decision(entry.decision.action))
         case EventEntry() if entry.kind in TELLING:
             return replace(entry, text=HIDDEN)
-        case EndEntry() if entry.verdict.end_reason.value in TELLING:
+        case EpisodeEnd() if entry.verdict.end_reason.value in TELLING:
             return replace(entry, verdict=hide_verdict(entry.verdict), error=HIDDEN)
         case _:
             return entry

@@ -118,8 +118,7 @@ class OperatorApp:
     async def _camera_image(self, _request: Request) -> Response:
         last, glimpse = self._prompts.state.picture, self._session.robots.preview
         rgb = await run_in_threadpool(glimpse) if glimpse is not None and self._prompts.driving else None
-        if rgb is None and last is not None:
-            rgb = last.rgb
+        rgb = last if rgb is None else rgb
         if rgb is None:
             raise HTTPException(404, "there is no camera image yet")
         return Response(await run_in_threadpool(_jpeg, rgb), media_type="image/jpeg")

@@ -22,7 +22,7 @@ def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
     now = datetime.now(UTC)
     ended = state.ended
     is_judging = question is not None and question.kind is QuestionKind.JUDGE
-    is_open = question is not None and question.reply is None
+    is_open = question is not None and question.answer is None
     return {
         "now": now.isoformat(),
         "label": session.label,
@@ -45,7 +45,7 @@ def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
         "left_at": _pose_json(state.left_at) if state.left_at else None,
         "route": state.way,
         "revision": prompts.changes,
-        "picture": state.picture.number if state.picture else 0,
+        "picture": state.pictures,
         "has_live_camera": session.robots.preview is not None,
         "case": case_json(Case.of_ended(ended)) if is_judging and ended else None,
         "last": {
@@ -122,7 +122,7 @@ def case_json(case: Case) -> dict[str, Any]:
 
 def episode_json(shown: ShownEpisode) -> dict[str, Any]:
     """Return a finished episode for the list."""
-    episode = shown.summary
+    episode = shown.episode
     return {
         "episode": episode.id,
         "driven_by": episode.model,

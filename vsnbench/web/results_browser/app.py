@@ -23,7 +23,7 @@ from vsnbench.results.annotations import MAX_NOTE_CHARACTERS, Annotation, read_a
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
@@ -128,7 +128,7 @@ class BrowserApp:
         return Response(content, media_type=_JPEG, headers={"cache-control": "private, max-age=3600"})
 
     def _read_image(self, number: int, step: int) -> bytes | None:
-        images = episode_details(self._engine, number).summary.images_directory
+        images = episode_record(self._engine, number).images_directory
         if not images:
             return None
         return read_confined(self._results.episode_directory(images), rgb_path(Path(), step))

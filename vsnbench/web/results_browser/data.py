@@ -4,18 +4,18 @@ Blinded studies stay blinded: every query goes through `vsnbench.results.reading
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
-from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy import Engine, func, select
 
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
-from vsnbench.results.reading.queries import episode_details, episode_steps, list_episodes
-from vsnbench.results.reading.read_model import COUNTS, episodes_of_trials
-from vsnbench.results.reading.rows import EpisodeDetails, EpisodeFilter, EpisodeSummary
+from vsnbench.results.goals import with_goals
+from vsnbench.results.model import EPISODE, EpisodeRecord
+from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
+from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, record_errors
-from vsnbench.results.schema.tables import IS_ACTIVE, Campaign, Episode, Event, Step, Trial, Verdict
-from vsnbench.results.schema.tables import Site as RecordedSite
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import targets_of
 from vsnbench.values.decision_check import SHOWN
@@ -24,13 +24,33 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord, driven_path
 
 SCHEMA: Final = 1
-COLUMNS: Final = (
-    *("id", "model", "campaign", "robot", "simulated", "site", "goal", "start", "repetition", "outcome", "end_reason"),
-    *("counts", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at", "has_images", "tags"),
-    "disturbances",
+ROW: Final = EPISODE.only(
+    *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "start", "repetition", "outcome"),
+    *("end_reason", "counts", "state", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at"),
+    *("images_directory", "disturbances", "tags"),
+)
+"""Quantities of an episode in the list."""
+COLUMNS: Final = tuple(
+    {"campaign_id": "campaign", "images_directory": "has_images"}.get(name, name) for name in ROW.names
 )
 """Columns of the rows of `episodes_json`."""
 _MAX_TEXT = 4000
+
+
+def _rounded(value: float | None, places: int) -> float | None:
+    return round(value, places) if value is not None and math.isfinite(value) else None
+
+
+_SHORTEN: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "end_reason": lambda reason: reason or "",
+    "distance_m": partial(_rounded, places=3),
+    "path_m": partial(_rounded, places=2),
+    "shortest_m": partial(_rounded, places=2),
+    "duration_s": partial(_rounded, places=1),
+    "started_at": lambda moment: f"{moment:%Y-%m-%d %H:%M:%S}",
+    "images_directory": bool,
+}
+_SHORTENED: Final = tuple((ROW.names.index(name), shorten) for name, shorten in _SHORTEN.items())
 
 
 def version_of(engine: Engine) -> str:
@@ -39,16 +59,16 @@ def version_of(engine: Engine) -> str:
     Raises:
         RecordError: the database cannot be read.
     """
-    running = select(Episode.id).where(IS_ACTIVE).scalar_subquery()
+    running = select(tables.Episode.id).where(tables.IS_ACTIVE).scalar_subquery()
     with record_errors(engine), reading(engine).begin() as connection:
         numbers = [
             connection.scalar(query) or 0
             for query in (
-                select(func.max(Episode.id)),
-                select(func.max(Verdict.id)),
-                select(func.max(Event.id)),
-                select(func.count()).select_from(Episode).where(IS_ACTIVE),
-                select(func.count()).select_from(Step).where(Step.episode_id.in_(running)),
+                select(func.max(tables.Episode.id)),
+                select(func.max(tables.Verdict.id)),
+                select(func.max(tables.Event.id)),
+                select(func.count()).select_from(tables.Episode).where(tables.IS_ACTIVE),
+                select(func.count()).select_from(tables.Step).where(tables.Step.episode_id.in_(running)),
             )
         ]
     return "-".join(map(str, numbers))
@@ -61,26 +81,15 @@ def episodes_json(engine: Engine) -> dict[str, Any]:
         RecordError: the database cannot be read.
     """
     version = version_of(engine)
-    summaries = list_episodes(engine, EpisodeFilter())
-    with record_errors(engine), reading(engine).begin() as connection:
-        counted = _counted(connection)
-    rows = [_row(summary, summary.id in counted) for summary in summaries]
+    rows = [_shown(row) for row in episode_rows(engine, ROW)]
     return {"schema": SCHEMA, "version": version, "columns": COLUMNS, "rows": rows}
 
 
-def _counted(connection: Connection) -> set[int]:
-    return set(connection.scalars(episodes_of_trials(Episode.id).where(COUNTS)))
-
-
-def _row(episode: EpisodeSummary, counts: bool) -> list[Any]:
-    return [
-        *(episode.id, episode.model, episode.campaign_id, episode.robot, episode.simulated, episode.site),
-        *(episode.goal, episode.start, episode.repetition, episode.outcome, episode.end_reason or "", counts),
-        *(episode.actions, _rounded(episode.distance_to_goal_m, 3), _rounded(episode.path_length_m, 2)),
-        *(_rounded(episode.geodesic_start_m, 2), _rounded(episode.duration_s, 1)),
-        *(f"{episode.started_at:%Y-%m-%d %H:%M:%S}", bool(episode.images_directory), list(episode.tags)),
-        episode.disturbances,
-    ]
+def _shown(row: list[Any]) -> list[Any]:
+    """Return a row as the page shows it: without more digits, seconds or text than there is room for."""
+    for place, shorten in _SHORTENED:
+        row[place] = shorten(row[place])
+    return row
 
 
 def episode_json(engine: Engine, number: int) -> dict[str, Any]:
@@ -93,21 +102,24 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
         UsageError: the episode does not exist.
         RecordError: the database cannot be read.
     """
-    details, steps = episode_details(engine, number), episode_steps(engine, number)
-    episode, provenance = details.summary, details.provenance
-    site, begin = site_of(details), details.placement
-    start = begin.pose if begin else None
+    return page_of(episode_record(engine, number), episode_steps(engine, number))
+
+
+def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, Any]:
+    """Return what `episode_json` returns of an episode that has been read."""
+    provenance = episode.provenance
+    site, start = site_of(episode), episode.placement.pose if episode.placement else None
     if start is None and site is not None:
         start = next((place.pose for place in site.starts if place.number == episode.start), None)
     return {
         "schema": SCHEMA,
-        "row": dict(zip(COLUMNS, _row(episode, details.counts), strict=True)),
+        "row": dict(zip(COLUMNS, _shown(list(ROW.json(episode).values())), strict=True)),
         "uuid": episode.uuid,
-        "seed": details.seed,
+        "seed": episode.seed,
         "weights": provenance.weights_label,
         "max_actions": provenance.protocol.get("max_actions"),
         "success_distance_m": episode.success_distance_m,
-        "error": details.error[:_MAX_TEXT],
+        "error": episode.error[:_MAX_TEXT],
         "targets": sorted(target.id for target in targets_of(site, episode.goal)) if site else [],
         "site_sha256": provenance.site_sha256 if site else "",
         "path": _path(start, steps),
@@ -122,7 +134,7 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
                 "source": verdict.source,
                 "note": verdict.note,
             }
-            for verdict in details.verdicts
+            for verdict in episode.verdicts
         ],
         "events": [
             {
@@ -133,15 +145,19 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
                 "text": event.statement[:_MAX_TEXT],
                 "is_note": event.kind in (NOTE, TAGGED, UNTAGGED),
             }
-            for event in details.events
+            for event in episode.events
         ],
     }
 
 
-def site_of(details: EpisodeDetails) -> Site | None:
+def site_of(episode: EpisodeRecord) -> Site | None:
     """Return the recorded site; None if it is unknown, as in some imports, or damaged."""
+    return _valid_site(episode.provenance.site_content)
+
+
+def _valid_site(content: object) -> Site | None:
     try:
-        return Site.model_validate(details.provenance.site_content)
+        return Site.model_validate(content)
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
 
@@ -153,16 +169,15 @@ def recorded_site(engine: Engine, sha256: str) -> Site | None:
         RecordError: the database cannot be read.
     """
     query = (
-        select(Episode.id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(RecordedSite, RecordedSite.id == Campaign.site_id)
-        .where(RecordedSite.sha256 == sha256)
+        select(tables.Site.content, tables.Campaign.id)
+        .join(tables.Campaign, tables.Campaign.site_id == tables.Site.id)
+        .where(tables.Site.sha256 == sha256)
+        .order_by(tables.Campaign.id)
         .limit(1)
     )
     with record_errors(engine), reading(engine).begin() as connection:
-        number = connection.scalar(query)
-    return None if number is None else site_of(episode_details(engine, number))
+        row = connection.execute(query).first()
+        return None if row is None else _valid_site(with_goals(connection, row.content, [row.id]))
 
 
 def _path(start: Pose | None, steps: tuple[StepRecord, ...]) -> list[list[float]]:
@@ -206,7 +221,3 @@ def _note(details: Mapping[str, Any]) -> str:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _rounded(value: float | None, places: int) -> float | None:
-    return round(value, places) if value is not None and math.isfinite(value) else None

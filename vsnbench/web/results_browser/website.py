@@ -19,17 +19,18 @@ from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
+from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
 from vsnbench.report.tables.headline import headlines
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_details
+from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.values.encoding.images import decode_picture
-from vsnbench.viewer.replay import read_episode
+from vsnbench.viewer.replay import replay_of
 from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.web.results_browser.app import ASSETS
-from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episode_json, episodes_json, site_of
+from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, episodes_json, page_of, site_of
 from vsnbench.web.site_editor.drawing import plan_svg
 from vsnbench.web_server.pages import SHARED_ASSETS
 
@@ -55,6 +56,54 @@ class WrittenWebsite:
     videos: int
     problems: tuple[str, ...]
     """Episodes without a video, and why."""
+
+
+WEBSITE = Measures(
+    (
+        Measure("directory", TEXT, "directory of the website"),
+        Measure("episodes", COUNT, "number of episodes on the website"),
+        Measure("images", COUNT, "number of written images"),
+        Measure("videos", COUNT, "number of written videos"),
+        Measure("problems", TEXTS, "episodes without a video, and why"),
+    )
+)
+"""The JSON object of `report --website`."""
+_OF_CONDITION = Measures(
+    (
+        Measure("name", TEXT, "name of the condition"),
+        Measure("environment", TEXT, "`simulated` or `real`"),
+        Measure("site", TEXT, "name of the site"),
+    )
+)
+_LIMITS = "lower and upper limit of the 95 % interval, each null if unknown"
+_HEADLINE = Measures(
+    (
+        *_OF_CONDITION.within(lambda row: row[0].condition),
+        Measure("goals", TEXTS, "goals that the rate covers", lambda row: row[1][0]),
+        Measure("episodes", COUNT, "number of counted episodes", lambda row: row[1][1].episodes),
+        Measure("successes", COUNT, "number of successes among them", lambda row: row[1][1].successes),
+        Measure(
+            "success_rate", NUMBER, "share of successes", lambda row: row[1][1].success_rate, null="without episodes"
+        ),
+        Measure(
+            "interval",
+            values(Form({"type": ["number", "null"]})),
+            _LIMITS,
+            lambda row: (row[1][1].interval.low, row[1][1].interval.high),
+        ),
+    )
+)
+"""A condition with its goals and group of `headlines`."""
+HEADLINES = Measures(
+    (
+        Measure("schema", COUNT, f"version of these fields, now {SCHEMA}"),
+        Measure("vsnbench", TEXT, "version of vsnbench that wrote it"),
+        Measure("created_at", TEXT, "time of writing"),
+        Measure("conditions", objects(_HEADLINE), "one object per condition"),
+        Measure("answers", TEXTS, "the report's answers, one sentence each"),
+    )
+)
+"""The content of headline.json."""
 
 
 def write_website(
@@ -119,20 +168,22 @@ def _write_episodes(
         for done, row in enumerate(listed["rows"]):
             number = int(row[COLUMNS.index("id")])
             progress("episodes", done, len(listed["rows"]))
-            episode, details = episode_json(engine, number), episode_details(engine, number)
+            recorded = episode_record(engine, number)
+            steps = episode_steps(engine, number)
+            episode = page_of(recorded, steps)
             _write_answer(directory, f"data/episode-{number}.json", episode)
-            site, sha256 = site_of(details), details.provenance.site_sha256
+            site, sha256 = site_of(recorded), recorded.provenance.site_sha256
             if site is not None and sha256 not in drawn:
                 drawn.add(sha256)
                 _write_answer(directory, f"plan/{sha256}.svg", plan_svg(site))
-            written = _write_images(results, details.summary.images_directory, episode, directory)
+            written = _write_images(results, recorded.images_directory, episode, directory)
             row[COLUMNS.index("has_images")] = bool(written)
             images += written
             if not (with_videos and written):
                 continue
             try:
                 file = directory / "video" / f"{number}.mp4"
-                write_video([read_episode(results, number)], file, VideoFormat(SIZES["web"]))
+                write_video([replay_of(results, recorded, steps)], file, VideoFormat(SIZES["web"]))
                 videos += 1
             except VsnbenchError as error:
                 problems.append(error.statement)
@@ -168,26 +219,14 @@ def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any
 
 def _headline(report: Report) -> dict[str, Any]:
     """Return the rate of each condition and the answers, for other programs; documented in docs/json.md."""
-    found = headlines(report.results.conditions)
-    return {
+    found = {
         "schema": SCHEMA,
         "vsnbench": __version__,
         "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
-        "conditions": [
-            {
-                "name": summary.condition.name,
-                "environment": summary.condition.environment,
-                "site": summary.condition.site,
-                "goals": list(goals),
-                "episodes": total.episodes,
-                "successes": total.successes,
-                "success_rate": total.success_rate if total.episodes else None,
-                "interval": [total.interval.low, total.interval.high],
-            }
-            for summary, (goals, total) in zip(report.results.conditions, found.by_condition, strict=True)
-        ],
+        "conditions": zip(report.results.conditions, headlines(report.results.conditions).by_condition, strict=True),
         "answers": [answer for question in report.questions for answer in question.answers],
     }
+    return HEADLINES.fields(found)
 
 
 def _clear(directory: Path) -> None:

@@ -66,7 +66,7 @@ function drawResults(chosen, view) {
   const pairs = chosen.differ ? disagreements(rows, chosen) : null;
   const found = pairs ?? matching(rows, chosen);
   const successes = pairs ? 0 : found.filter((row) => row.counts && row.outcome === "success").length;
-  const decided = pairs ? 0 : found.filter((row) => row.counts && ["success", "failure"].includes(row.outcome)).length;
+  const decided = pairs ? 0 : found.filter((row) => row.counts).length;
   const what = pairs ? `${found.length} trials on which the models disagree`
     : `${found.length} of ${rows.length} episodes${decided ? `; ${successes} of ${decided} counted ones succeeded` : ""}`;
   const count = make("p", { class: "dim", id: "count", role: "status" }, what);

@@ -7,7 +7,7 @@ function gridOf(rows, addressOf) {
   const starts = [...new Set(rows.map((row) => row.start))].sort((a, b) => a - b);
   const tables = models.map((model) => {
     const own = rows.filter((row) => row.condition === model);
-    const counted = own.filter((row) => row.counts && ["success", "failure"].includes(row.outcome));
+    const counted = own.filter((row) => row.counts);
     const good = counted.filter((row) => row.outcome === "success").length;
     const cells = new Map();
     for (const row of own) {
@@ -34,9 +34,9 @@ function gridOf(rows, addressOf) {
 
 function cellOf(rows, addressOf, { goal, start }) {
   if (!rows.length) return make("td", {});
-  const shown = rows.filter((row) => row.counts || ["running", "void"].includes(row.outcome));
+  const shown = rows.filter((row) => row.state !== "superseded");
   if (shown.length > MOST_MARKS) {
-    const decided = shown.filter((row) => row.counts && ["success", "failure"].includes(row.outcome));
+    const decided = shown.filter((row) => row.counts);
     const good = decided.filter((row) => row.outcome === "success").length;
     const share = decided.length ? good / decided.length : 0;
     const { model, disturbances } = rows[0];
