@@ -147,7 +147,7 @@ def counted(results: ResultsDirectory) -> int:
     activity = build(results.database_url, Selection()).activity
     assert activity is not None
     (robot,) = activity.robots
-    return robot.interventions
+    return int(robot["interventions"])
 
 
 TAPED = Judgement(Verdict(EndReason.STOP, False, "taped", GoalDistance(1.2, PoseSource.TAPE, "chair-1")))
