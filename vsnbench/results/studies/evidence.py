@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, select
 
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.goals import with_goals
 from vsnbench.results.reading.episode_numbers import missing_numbers
 from vsnbench.results.reading.identities import RowFault, identity_faults
@@ -15,7 +16,6 @@ from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site
 from vsnbench.results.studies.log import LogEvent, events_of, measured_by_episode, verdicts_by_episode
 from vsnbench.results.studies.writing import logged_entry
 from vsnbench.results.writing.lifecycle import ENDED
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 
 @dataclass(frozen=True, slots=True)

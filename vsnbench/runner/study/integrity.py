@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vsnbench.errors import VsnbenchError
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.reading.episode_numbers import as_ranges
 from vsnbench.results.studies.entries import AMEND, LOCK, UNBLIND, RecordedStudy
 from vsnbench.results.studies.evidence import EndedEpisode, StudyEvidence
@@ -17,7 +18,6 @@ from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import LockNote, sha256_of
 from vsnbench.study.schedule import Schedule, schedules_of
 from vsnbench.text.sanitize import counted, sanitize
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 
 @dataclass(frozen=True, slots=True)
