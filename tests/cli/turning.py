@@ -87,10 +87,3 @@ class Narrow(Turning):
         assert observation.depth_m is not None
         shapes = {"rgb": list(observation.rgb.shape[:2]), "depth": list(observation.depth_m.shape)}
         return Decision(Action.STOP, diagnostics=Diagnostics(details={**shapes, "camera": vars(observation.camera)}))
-
-
-class OddCamera(Turning):
-    """Has a card whose camera has no height."""
-
-    def __init__(self) -> None:
-        self.card = ModelCard("odd-camera", camera={"mount_height_m": "high"})  # type: ignore[arg-type]
