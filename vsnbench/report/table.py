@@ -35,6 +35,10 @@ class Column:
     """Explanation of the heading."""
     rank: int = 0
     """Columns with the highest rank are dropped first if the table is too wide; rank 0 is always shown."""
+    min_width: int = 0
+    """Number of characters to which a list may narrow the column; 0 if it may not."""
+    wraps: bool = False
+    """Whether a list wraps long cells; otherwise it cuts them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,12 +162,15 @@ def fitted(table: ReportTable, fits: Callable[[ReportTable], bool]) -> ReportTab
         table: its columns of rank 0 are always kept.
         fits: whether a table fits.
     """
-    while not fits(table):
-        highest = max(range(len(table.columns)), key=lambda place: (table.columns[place].rank, place))
-        if table.columns[highest].rank == 0:
-            break
-        table = _with_columns(table, [place for place in range(len(table.columns)) if place != highest])
+    while not fits(table) and (least := dropped_first(table.columns, range(len(table.columns)))) is not None:
+        table = _with_columns(table, [place for place in range(len(table.columns)) if place != least])
     return table
+
+
+def dropped_first(columns: Sequence[Column], places: Iterable[int]) -> int | None:
+    """Return which of the columns at these places is left out first; None if all are always shown."""
+    least = max(places, key=lambda place: (columns[place].rank, place))
+    return least if columns[least].rank else None
 
 
 def narrowed(table: ReportTable, room: int) -> ReportTable:

@@ -122,21 +122,14 @@ def _print_comparisons(
     record: "ReportData",
 ) -> None:
     """Print comparisons as tables, or with the results of the models as one JSON object."""
-    from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
+    from vsnbench.report.tables.comparison import comparison_tables
+    from vsnbench.report.tables.ranking import ranking_table
 
     if form is Format.JSON:
-        from vsnbench.report.analysis.summary import Results
-        from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
-        from vsnbench.report.formats.json import model_fields
-        from vsnbench.report.formats.sensitivity_json import sim_vs_real_fields
+        from vsnbench.report.formats.json import COMPARED
 
-        content = {
-            "ranking": ranking_fields(ranking) if ranking else None,
-            "comparisons": [comparison_fields(comparison) for comparison in comparisons],
-            "models": [model_fields(summary, None, record) for summary in summaries],
-            "sim_vs_real": [sim_vs_real_fields(pair) for pair in sim_real_pairs(Results(tuple(summaries)))],
-        }
-        typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+        found = {"ranking": ranking, "comparisons": comparisons, "summaries": summaries, "record": record}
+        typer.echo(json.dumps(COMPARED.fields(found), indent=2, ensure_ascii=False, allow_nan=False))
         return
     tables = [ranking_table(ranking)] if ranking else []
     print_tables_as(form, [*tables, *(table for comparison in comparisons for table in comparison_tables(comparison))])

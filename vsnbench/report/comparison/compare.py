@@ -71,6 +71,8 @@ class RateComparison:
     """`p` after Holm's correction for all comparisons."""
     questions: int = 1
     """Number of comparisons in that correction, for which the interval is simultaneous as well."""
+    level: float = 1 - CONFIDENCE
+    """Bonferroni level: 0.05 divided by the number of all comparisons."""
     power: DesignPower | None = None
     """Power of the design; None if a difference was found or the power is unknown."""
 
@@ -175,9 +177,9 @@ def compare(
 
     def finished(rate: RateComparison, level: float) -> RateComparison:
         if rate.scope == ALL:
-            rate = replace(rate, adjusted_p=rate.p)
+            rate = replace(rate, adjusted_p=rate.p, level=level)
         else:
-            rate = replace(rate, adjusted_p=next(adjusted), questions=len(family))
+            rate = replace(rate, adjusted_p=next(adjusted), questions=len(family), level=level)
         if with_power and rate.scope in (ALL, SHARED) and rate.covered and not rate.conclusion.names_winner:
             by_start = rate.test == EXCHANGED
             return replace(rate, power=design_power(rate.pairing, rate.first, rate.second, level, by_start=by_start))

@@ -5,8 +5,8 @@ import io
 from collections.abc import Iterator
 from typing import Any
 
-from vsnbench.report.analysis.fields import condition_fields
 from vsnbench.report.analysis.summary import Results
+from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.success import SUMMARY
 from vsnbench.text.sanitize import sanitize
 
@@ -29,7 +29,7 @@ def to_csv(results: Results) -> str:
 def _lines(results: Results) -> Iterator[dict[str, Any]]:
     for summary in results.conditions:
         condition = {
-            **condition_fields(summary.condition),
+            **CONDITION.fields(summary.condition),
             "campaigns": " ".join(map(str, summary.condition.campaigns)),
             "seeds": " ".join(map(str, summary.condition.seeds)),
             "differing": ", ".join(summary.condition.differing),

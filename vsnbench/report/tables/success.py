@@ -112,7 +112,7 @@ SUMMARY = Measures(
         Measure("unjudged", COUNT, "episodes that await a verdict", lambda group: _attempts(UNJUDGED)(group) or 0),
         Measure("", RATIO, _K_OF_N, lambda group: (group.successes, group.episodes), heading="k/n"),
         Measure("success_rate", percents(), "success rate (paper, Section 4.1)", heading="SR %"),
-        Measure("ci", intervals(), _OF_RATE, lambda group: group.interval, heading="95 % interval", note=_WILSON),
+        Measure("ci", intervals(), _OF_RATE, "interval", heading="95 % interval", note=_WILSON),
         Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
         Measure(
             *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
