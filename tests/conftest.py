@@ -116,7 +116,6 @@ SLOW = frozenset(
         "runner/study/test_integrity.py",
         "runtime/test_numba_cache.py",
         "sensing/test_difficult_bases.py",
-        "sensing/test_discrete_mover.py",
         "simulator/generated_sites/test_generate.py",
         "simulator/rendering/test_renderer.py",
         "site_checks/test_check.py",

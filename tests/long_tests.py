@@ -5,6 +5,9 @@ live graph has the mark `long` in its own file, next to the case that stays.
 """
 
 SERVED = "runner/executors/test_served_workers.py"
+HOSTILE = "cli/test_hostile_archive.py"
+ELSEWHERE = f"{HOSTILE}::test_an_episode_that_claims_to_lie_elsewhere_is_neither_read_nor_written"
+CONFINED = "its case [episodes/link]; results/files/test_confined_paths.py"
 
 LONG = {
     # Killed processes and clusters: the loop, the claims and the restart are tested in one process.
@@ -56,6 +59,18 @@ LONG = {
     ),
     "runner/stopping/test_requests.py::test_a_second_signal_halts_the_robot_and_ends_the_process[15]": "its other case",
     "interop/test_killed_merge.py": "interop/test_merge.py, results/writing/test_recovery.py",
+    f"{SERVED}::test_more_workers_than_sessions_are_refused_in_one_line[batch1]": (
+        "its other case; models/remote/test_sessions.py"
+    ),
+    "runner/executors/test_local_pool.py::test_a_late_setup_of_an_earlier_campaign_is_not_used": (
+        "runner/executors/test_collecting.py::test_a_worker_with_another_setup_is_refused"
+    ),
+    f"{ELSEWHERE}[../elsewhere]": CONFINED,
+    f"{ELSEWHERE}[/tmp/../{{0}}/elsewhere]": CONFINED,
+    **{
+        f"{HOSTILE}::test_nothing_is_imported_from_the_archive_in_which_one_stands[words{number}]": "its case [words0]"
+        for number in (1, 2, 3)
+    },
     # Whole stories in a browser: the same pages answer without one.
     "web/test_blind_study_by_clicks.py": "cli/study/test_verbs.py, runner/study/test_output_redaction.py",
     "web/second_judgement/test_second_judgement_in_browser.py": "web/second_judgement/test_second_judgement_app.py",
@@ -75,6 +90,12 @@ LONG = {
     ),
     "evidence/bundle/test_make.py::test_the_same_record_gives_the_same_bytes_in_every_process": (
         "test_releases.py::test_a_record_and_a_bundle_are_verified"
+    ),
+    "web/results_browser/test_disturbances.py::test_a_trial_with_and_without_a_disturbance_open_side_by_side": (
+        "web/results_browser/test_page_in_browser.py::test_a_disagreement_is_found_opened_scrubbed_and_tagged_by_keyboard"
+    ),
+    "test_docs.py::test_the_website_has_a_search_when_it_is_opened_as_files": (
+        "test_docs.py::test_the_website_has_every_page_and_asks_no_other_host"
     ),
     # Installations, which .github/workflows/wheels.yml tries in clean environments as well.
     "test_installation.py::test_the_advice_of_a_wheel_installs_the_extra_from_another_directory": (

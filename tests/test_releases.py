@@ -1,9 +1,7 @@
 """Records, studies, bundles and wire clients of every released version keep working."""
 
+import contextlib
 import json
-import os
-import subprocess
-import sys
 import tarfile
 import zipfile
 from collections.abc import Iterator
@@ -17,6 +15,7 @@ from websockets.sync.client import connect
 from websockets.sync.server import ServerConnection
 
 from scripts.make_release_data import POLICY
+from tests.cli.test_record_verbs import vsnbench
 from tests.models.remote.servers import look, scripted_server, stub_server
 from vsnbench import __version__, open_results
 from vsnbench.models.contract_check import synthetic_task
@@ -36,9 +35,8 @@ class Release:
 
     def json(self, *words: str) -> Any:
         """Run a command of today's version and return its JSON."""
-        command = [sys.executable, "-m", "vsnbench", *words, "--json", "--quiet"]
-        environment = {**os.environ, "VSNBENCH_RESULTS": "results"}
-        done = subprocess.run(command, cwd=self.directory, env=environment, capture_output=True, text=True, timeout=300)
+        with contextlib.chdir(self.directory):
+            done = vsnbench(self.directory / "results", *words, "--json", "--quiet")
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 

@@ -80,6 +80,7 @@ LONG_PAGES = {
     "look.md": "tests/cli/results/test_browse.py, tests/web/results_browser",
     "models.md": "tests/cli/models, tests/cli/test_init.py",
     "pirlnav.md": "tests/cli/running/test_run_pirlnav.py",
+    "report.md": "tests/golden, tests/cli/results/test_report.py",
     "scale.md": "tests/runner/executors",
     "stress.md": "tests/cli/running/test_stress.py",
     "study.md": "tests/cli/study",

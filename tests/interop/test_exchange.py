@@ -1,6 +1,5 @@
 """Imports from and exports to other tools; repeated and damaged imports are refused."""
 
-import csv
 import json
 import math
 from pathlib import Path
@@ -16,7 +15,6 @@ from vsnbench.interop.episodes import camera_of, read_episodes, write_tum
 from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.interop.rosbag import write_bag
-from vsnbench.interop.step_csv import write_steps
 from vsnbench.interop.upstream_log import read_upstream_log
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
@@ -82,15 +80,6 @@ def test_simulated_results_stand_against_the_real_ones(lab: Lab, tmp_path: Path)
     assert "3/10" in row
     assert "13/20" in row
     assert "-35.00" in row
-
-
-def test_the_csv_has_a_line_a_step(lab: Lab, tmp_path: Path) -> None:
-    lab.write([Attempt(steps=STEPS)])
-    engine = lab.engine()
-    assert write_steps(read_episodes(engine), lambda one: episode_steps(engine, one.id), tmp_path / "s.csv") == 3
-    rows = list(csv.DictReader((tmp_path / "s.csv").open()))
-    assert [row["blocked"] for row in rows] == ["False", "True", "False"]
-    assert float(rows[0]["world_x_m"]) == 1.25
 
 
 def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: Path) -> None:

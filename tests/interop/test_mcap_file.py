@@ -86,11 +86,3 @@ def test_an_episode_without_images_becomes_a_file_without_images(results: Path, 
 def test_all_that_ended_become_a_file_each(results: Path, tmp_path: Path) -> None:
     assert vsnbench(results, "export", "mcap", "--output", str(tmp_path)).returncode == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["000001.mcap", "000002.mcap"]
-
-
-def test_episodes_become_rows(results: Path, tmp_path: Path) -> None:
-    done = vsnbench(results, "export", "episodes", "--output", str(tmp_path / "e.csv"), "--json")
-    assert json.loads(done.stdout)["episodes"] == 2
-    header, first, *_ = (tmp_path / "e.csv").read_text().splitlines()
-    row = dict(zip(header.split(","), first.split(","), strict=True))
-    assert (row["episode"], row["goal"], row["model"], row["state"]) == ("1", "chair", "random", "counted")

@@ -133,12 +133,12 @@ def _write_attempt(journal: Journal, trial: Trial, attempt: Attempt, at: datetim
     journal.end_episode(
         handle.id,
         EpisodeEnd(
-            end_reason=attempt.end_reason,
-            actions=attempt.actions,
-            verdict=verdict if attempt.judged else None,
+            verdict if attempt.judged else Verdict(attempt.end_reason, None, "not judged yet"),
+            attempt.actions,
             proposed=attempt.proposed,
-            path_length_m=attempt.path_m,
-            geodesic_m=attempt.remaining_m,
+            unjudged=not attempt.judged,
+            path_m=attempt.path_m,
+            remaining_m=attempt.remaining_m,
             duration_s=attempt.duration_s,
             wall_duration_s=attempt.duration_s,
             final=Fix(attempt.final, PoseSource.SIMULATED) if attempt.final else None,

@@ -3,13 +3,14 @@
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.cli.console import vsnbench
-from tests.evidence.verification.conftest import RUN, change
+from tests.cli.test_record_verbs import vsnbench as bundle
+from tests.evidence.verification.conftest import change
+from tests.shared_records import small_record
 from vsnbench.evidence.bundle.archive import open_bundle
 
 
@@ -17,15 +18,11 @@ from vsnbench.evidence.bundle.archive import open_bundle
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A record, and a signed bundle of it."""
     place = tmp_path_factory.mktemp("place")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", "key"], check=True)
-        for command in (
-            ("run", "--model", "random", *RUN, "--results", "results"),
-            ("bundle", "--campaign", "1", "--sign", "key", "--results", "results", "signed.zip"),
-        ):
-            subprocess.run([sys.executable, "-m", "vsnbench", *command], check=True, capture_output=True)
-        (place / "signers").write_text(f"ada {(place / 'key.pub').read_text()}")
+    results = shutil.copytree(small_record(tmp_path_factory), place / "results")
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", "key"], check=True, cwd=place)
+    words = ("bundle", "--campaign", "1", "--sign", str(place / "key"), str(place / "signed.zip"))
+    assert bundle(results, *words).returncode == 0
+    (place / "signers").write_text(f"ada {(place / 'key.pub').read_text()}")
     return place
 
 

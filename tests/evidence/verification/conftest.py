@@ -1,16 +1,14 @@
 """A small record of simulated episodes, and a bundle of it, that tests damage in copies."""
 
-import os
 import shutil
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from tests.shared_records import made_once, small_record
 from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 from vsnbench.evidence.bundle.selection import select_campaigns
 from vsnbench.evidence.verification.checks import Verification
@@ -18,16 +16,11 @@ from vsnbench.evidence.verification.verify import VerifyOptions, verify
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.settings.user_config import BundleConfig
 
-RUN = ("--goal", "chair", "--starts", "1-2", "--robot", "simulated:turtlebot2@64x48", "--workers", "1", "--quiet")
-
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two episodes of each of two models; not to be changed."""
-    results = tmp_path_factory.mktemp("verified") / "results"
-    command = [sys.executable, "-m", "vsnbench", "run", "--model", "oracle,random", *RUN, "--results", str(results)]
-    subprocess.run(command, check=True, capture_output=True, env=os.environ)
-    return results
+    return small_record(tmp_path_factory)
 
 
 @pytest.fixture
@@ -37,12 +30,14 @@ def results(recorded: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def bundled(recorded: Path) -> Path:
+def bundled(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle of the record; not to be changed."""
-    file = recorded.with_name("results.zip")
-    request = BundleRequest(lambda record: select_campaigns(record, [1, 2]), BundleConfig())
-    make_bundle(ResultsDirectory.locate(recorded), request, file)
-    return file
+
+    def make(file: Path) -> None:
+        request = BundleRequest(lambda record: select_campaigns(record, [1, 2]), BundleConfig())
+        make_bundle(ResultsDirectory.locate(recorded), request, file)
+
+    return made_once(tmp_path_factory, "results.zip", make)
 
 
 def change(results: Path, *statements: str) -> None:

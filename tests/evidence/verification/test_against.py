@@ -1,15 +1,14 @@
 """Two records of the same trials are compared step by step; the first difference is named."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import pytest
 
-from tests.evidence.verification.conftest import RUN, change
+from tests.cli.test_record_verbs import vsnbench
+from tests.evidence.verification.conftest import change
+from tests.shared_records import SMALL
 from vsnbench.errors import RecordError
 from vsnbench.evidence.verification.checks import Check
 from vsnbench.evidence.verification.verify import VerifyOptions, verify
@@ -25,11 +24,8 @@ def against(record: Path, other: Path) -> Check:
 
 def test_records_of_the_same_trials_are_equal_and_the_command_says_so(recorded: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
-    command = [sys.executable, "-m", "vsnbench"]
-    run = [*command, "run", "--model", "random,oracle", *RUN, "--results", str(again)]
-    subprocess.run(run, check=True, capture_output=True, env=os.environ)
-    compare = [*command, "verify", str(recorded), "--against", str(again), "--json"]
-    done = subprocess.run(compare, capture_output=True, text=True, env=os.environ)
+    assert vsnbench(again, "run", "--model", "random,oracle", *SMALL).returncode == 0
+    done = vsnbench(again, "verify", str(recorded), "--against", str(again), "--json")
     assert done.returncode == 0, done.stdout
     (check,) = (each for each in json.loads(done.stdout)["checks"] if each["check"] == "against another record")
     assert (check["checked"], check["failed"], check["not_checked"]) == (4, 0, {})

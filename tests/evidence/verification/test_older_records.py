@@ -8,7 +8,7 @@ from vsnbench.evidence.verification.judgements import check_judgements
 from vsnbench.evidence.verification.record import open_copy
 from vsnbench.evidence.verification.values import check_values
 
-RECORD = Path(__file__).parent.parent / "data" / "records" / "0001.sql"
+RECORD = Path(__file__).parents[2] / "data" / "records" / "0001.sql"
 
 
 def test_todays_judge_agrees_with_a_record_of_the_first_schema(tmp_path: Path) -> None:

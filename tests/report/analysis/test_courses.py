@@ -106,7 +106,7 @@ def test_one_episode_has_the_measures_of_its_report(lab: Lab) -> None:
     assert own.stage == found["stage"].tolist()[0]
     assert own.clearance_min_m == found["clearance_min_m"].tolist()[0]
     assert own.heading_change_deg_per_m == pytest.approx(180 / 2.0)
-    assert details.summary.progress == 0.75
+    assert details.progress == 0.75
 
 
 def test_progress_is_compared_by_whole_starting_positions(lab: Lab) -> None:

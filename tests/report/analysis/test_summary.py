@@ -159,8 +159,8 @@ LENGTHS = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
 def test_the_columns_of_spl_agree_with_the_protocol(rows: list[tuple[bool, float, float, float]]) -> None:
     import pandas as pd
 
-    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_length_m"])
-    assert list(sct_of(frame, frame["shortest_m"] * 0 + 0.5, frame["path_length_m"])) == pytest.approx(
+    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_m"])
+    assert list(sct_of(frame, frame["shortest_m"] * 0 + 0.5, frame["path_m"])) == pytest.approx(
         [sct(ok, ideal_time_s(shortest, 0.5), taken_s) for ok, shortest, _, taken_s in rows]
     )
     assert list(spl_of(frame)) == pytest.approx([spl(ok, shortest, path) for ok, shortest, _, path in rows])

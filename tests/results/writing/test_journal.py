@@ -224,7 +224,7 @@ def test_a_claim_that_never_began_is_released_or_voided_with_its_reason(url: str
         claim = journal.claim_next(campaign.id, [campaign.trials[0].id])
         assert claim is not None
         unbegun = Verdict(EndReason.MOTION_FAILED, None, "void: the base could not carry out an action")
-        journal.end_episode(claim.id, EpisodeEnd(EndReason.MOTION_FAILED, 0, unbegun, error="it stands on the cable"))
+        journal.end_episode(claim.id, EpisodeEnd(unbegun, 0, error="it stands on the cable"))
         assert episode_record(journal.engine, claim.id).error == "it stands on the cable"
         assert journal.campaign_progress(campaign).left == campaign.trials
 

@@ -329,7 +329,7 @@ def test_an_abort_without_an_event_counts_for_a_real_robot(
         journal.place(handle.id, Fix(PLAN.start.pose, PoseSource.SURVEYED))
         journal.begin(handle.id, EpisodeBegin())
         void = Verdict(EndReason.ABORTED, None, "void")
-        journal.end_episode(handle.id, EpisodeEnd(EndReason.ABORTED, 3, void))
+        journal.end_episode(handle.id, EpisodeEnd(void, 3))
     assert counted(results) == interventions
 
 

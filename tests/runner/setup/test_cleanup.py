@@ -42,7 +42,7 @@ def test_uncommitted_images_and_incomplete_files_are_removed(tmp_path: Path, dea
         claim = journal.claim_next(campaign.id, [campaign.trials[0].id])
         assert claim is not None
         void = Verdict(EndReason.INTERRUPTED, None, "void")
-        journal.end_episode(claim.id, EpisodeEnd(EndReason.INTERRUPTED, 2, void))
+        journal.end_episode(claim.id, EpisodeEnd(void, 2))
         folder = results.episode_directory(claim.images_directory)
         other = results.path / "episodes" / "000099"
         kept = [rgb_path(folder, 1), rgb_path(folder, 2), depth_path(folder, 2), part_path(other / "episode.rrd")]

@@ -46,11 +46,6 @@ def test_the_list_is_filtered_by_disturbances(results: Path, words: list[str], e
     assert ("blur=2" in table) == (1 in episodes)
 
 
-def test_an_unknown_disturbance_is_refused(results: Path) -> None:
-    done = vsnbench(results, "episodes", "list", "--disturb", "blurr")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-
-
 @pytest.mark.browser
 def test_a_trial_with_and_without_a_disturbance_open_side_by_side(results: Path) -> None:
     with served(results) as address, chromium_page(1280, 800) as page:

@@ -139,7 +139,7 @@ def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFra
         "episodes": len(rows),
         "driving_s": _total(rows["duration_s"]),
         "elapsed_s": _waited_s(sessions["started_at"].min(), sessions["ended_at"].max()),
-        "path_m": _total(rows["path_length_m"]),
+        "path_m": _total(rows["path_m"]),
         "failures": int(ends.isin([reason.value for reason in FAILURES]).sum()),
         "collisions": int((ends == EndReason.COLLISION.value).sum()),
         "interventions": helped,

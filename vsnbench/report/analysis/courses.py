@@ -149,7 +149,7 @@ def _measured(
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
     for row, course, approach in examine(engine, ground, rows, examined):
-        known = _measure(ground, course, approach, float(row["path_length_m"]), bool(row["success"]))
+        known = _measure(ground, course, approach, float(row["path_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 

@@ -134,10 +134,10 @@ def mileage(record: ReportData) -> Drawing | None:
     curves = []
     for (title, simulated), numbers in robots.items():
         rows = record.episodes[record.episodes["condition"].isin(numbers)]
-        rows = rows[rows["path_length_m"].notna() & rows["duration_s"].notna()].sort_values("started_at")
-        if rows["path_length_m"].sum() > 0:
+        rows = rows[rows["path_m"].notna() & rows["duration_s"].notna()].sort_values("started_at")
+        if rows["path_m"].sum() > 0:
             hours = np.cumsum(rows["duration_s"].to_numpy()) / 3600
-            kilometres = np.cumsum(rows["path_length_m"].to_numpy()) / 1000
+            kilometres = np.cumsum(rows["path_m"].to_numpy()) / 1000
             keep = np.unique(np.linspace(0, len(hours) - 1, _MOST_POINTS).astype(int))
             curves.append((f"{title}, {'simulated' if simulated else 'real'}", hours[keep], kilometres[keep]))
     if not curves:

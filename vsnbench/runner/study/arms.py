@@ -156,7 +156,7 @@ class StudyPlace:
         return CampaignPlan(
             site=self.site,
             robot=description.robot,
-            model=description.model,
+            model=description.card,
             protocol=self.study.protocol,
             seed=self.study.seed,
             trials=self.trials(arm),
