@@ -137,7 +137,7 @@ POWER = Measures(
     Measure("wrong_percent", _percent(1), _WRONG, "wrong", heading="wrong %", note=_WRONG_NOTE),
     Measure(
         "blocks",
-        Form({"type": "number"}, lambda blocks: decimal(blocks, 0)),
+        Form({"type": "number"}, lambda blocks: decimal(blocks, 0), json=float),
         "mean number of blocks that a study runs",
         heading="blocks run",
         note=_BLOCKS_NOTE,
