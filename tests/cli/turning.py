@@ -90,6 +90,6 @@ class Narrow(Turning):
 
 
 class OddCamera(Turning):
-    """Has a card with a mapping as its camera."""
+    """Has a card whose camera lacks what a camera has."""
 
-    card = ModelCard("odd-camera", camera={"mount_height_m": 0.88})  # type: ignore[arg-type]
+    card = ModelCard("odd-camera", camera={"height": 0.88})  # type: ignore[arg-type]
