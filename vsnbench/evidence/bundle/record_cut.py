@@ -36,7 +36,7 @@ from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.migrate import HEAD
 from vsnbench.results.schema.row_encoding import Row
 from vsnbench.results.schema.study_tables import Study
-from vsnbench.results.schema.tables import Campaign, Episode
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow
 
 _AT_ONCE = 500
 _PAGE_BYTES = 4096
@@ -57,7 +57,7 @@ def cut_record(source: Connection, selection: BundleSelection, target: Path, *, 
             _create_tables(copy)
             for table in Base.metadata.sorted_tables:
                 for rows in _parts(source, table, selection):
-                    if table is Episode.__table__ and not with_images:
+                    if table is EpisodeRow.__table__ and not with_images:
                         rows = [{**row, "images_directory": ""} for row in rows]  # noqa: PLW2901
                     copy.execute(insert(table), rows)
             _explain_gaps(source, copy)
@@ -98,7 +98,7 @@ def _parts(source: Connection, table: Table, selection: BundleSelection) -> Iter
 def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
     """Return which rows of a table belong to a selection."""
     (key, *_) = table.primary_key.columns
-    if table is Campaign.__table__:
+    if table is CampaignRow.__table__:
         return key.in_(selection.campaigns)
     if table is Study.__table__:
         return key == selection.study
@@ -120,7 +120,7 @@ def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
 @cache
 def _owned() -> frozenset[Table]:
     """Return campaigns, studies, and the tables with rows that belong to one of them."""
-    owned: set[Any] = {Campaign.__table__, Study.__table__}
+    owned: set[Any] = {CampaignRow.__table__, Study.__table__}
     for table in Base.metadata.sorted_tables:  # a table comes after those that it refers to
         if any(target.table in owned for _, target in _references(table)):
             owned.add(table)
@@ -133,8 +133,8 @@ def _references(table: Table) -> list[tuple[Column[Any], Column[Any]]]:
 
 def _explain_gaps(source: Connection, copy: Connection) -> None:
     """Record the numbers of episodes of other campaigns as known gaps; those of deleted episodes stay unexplained."""
-    last = copy.scalar(select(func.max(Episode.id))) or 0
-    unexplained = {*copy.scalars(select(Episode.id)), *missing_numbers(source)}
+    last = copy.scalar(select(func.max(EpisodeRow.id))) or 0
+    unexplained = {*copy.scalars(select(EpisodeRow.id)), *missing_numbers(source)}
     gaps = [{"number": number, "released_at": None} for number in range(1, last + 1) if number not in unexplained]
     if gaps:
         copy.execute(insert(ReleasedClaim), gaps)
