@@ -19,7 +19,7 @@ from vsnbench.results.writing.lifecycle import ENDED
 
 
 @dataclass(frozen=True, slots=True)
-class EndedEpisode:
+class StudyEpisode:
     """An ended episode of a study as stored."""
 
     number: int
@@ -43,7 +43,7 @@ class StudyEvidence:
     entries: tuple[Mapping[str, Any], ...]
     """Rows of `study_entry` in the format of the log."""
     schedule: tuple[LockedTrial, ...]
-    episodes: Mapping[str, EndedEpisode]
+    episodes: Mapping[str, StudyEpisode]
     """UUID -> ended episode."""
     missing_numbers: tuple[int, ...]
     """Episode numbers of the whole record that have no row and were not released."""
@@ -87,7 +87,7 @@ def _schedule(connection: Connection, study_id: int) -> tuple[LockedTrial, ...]:
     return tuple(LockedTrial(row[0], row[1], row[2] or "", *row[3:]) for row in rows)
 
 
-def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisode]:
+def _episodes(connection: Connection, study_id: int) -> Mapping[str, StudyEpisode]:
     ended = (
         select(
             *(EpisodeRow.uuid, EpisodeRow.id, EpisodeRow.state),
@@ -102,7 +102,7 @@ def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisod
     numbers = select(ended.subquery().c.id)
     verdicts, measured = verdicts_by_episode(connection, numbers), measured_by_episode(connection, numbers)
     return {
-        row.uuid: EndedEpisode(
+        row.uuid: StudyEpisode(
             number=row.id,
             arm=row.name,
             goal=row.goal,

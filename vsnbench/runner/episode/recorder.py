@@ -45,7 +45,7 @@ _CLOCK_CHANGE_S = 2.0
 """Larger changes are recorded; time synchronization makes smaller ones."""
 
 
-class EpisodeWriter(Protocol):
+class RowWriter(Protocol):
     """Writes the rows of an episode: to the database, or to a worker's memory."""
 
     def place(self, episode_id: int, start: Fix) -> None:
@@ -90,7 +90,7 @@ class EpisodeRecorderFanOut:
     """The recorder of one claimed episode; `model` names the model and its weights as people may see them."""
 
     def __init__(
-        self, journal: EpisodeWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
+        self, journal: RowWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
     ) -> None:
         self._journal = journal
         self._options = options
