@@ -31,7 +31,7 @@ from vsnbench.errors import RecordError
 from vsnbench.evidence.bundle.selection import BundleSelection
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.episode_numbers import ReleasedClaim, missing_numbers
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.migrate import HEAD
 from vsnbench.results.schema.row_encoding import Row
@@ -55,7 +55,7 @@ def cut_record(source: Connection, selection: BundleSelection, target: Path, *, 
         event.listen(engine, "connect", _without_foreign_keys)
         with transaction(engine) as copy:
             _create_tables(copy)
-            for table in Base.metadata.sorted_tables:
+            for table in TableBase.metadata.sorted_tables:
                 for rows in _parts(source, table, selection):
                     if table is EpisodeRow.__table__ and not with_images:
                         rows = [{**row, "images_directory": ""} for row in rows]  # noqa: PLW2901
@@ -79,7 +79,7 @@ def _without_foreign_keys(connection: sqlite3.Connection, _record: object) -> No
 
 def _create_tables(copy: Connection) -> None:
     """Create the tables; migrations write the constraints in another order in every process."""
-    for table in Base.metadata.sorted_tables:
+    for table in TableBase.metadata.sorted_tables:
         copy.execute(CreateTable(table))
         for index in sorted(table.indexes, key=lambda index: str(index.name)):
             copy.execute(CreateIndex(index))
@@ -109,7 +109,7 @@ def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
         )
     users = [
         (column, other)
-        for other in Base.metadata.sorted_tables
+        for other in TableBase.metadata.sorted_tables
         for column, target in _references(other)
         if target is key
     ]
@@ -121,7 +121,7 @@ def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
 def _owned() -> frozenset[Table]:
     """Return campaigns, studies, and the tables with rows that belong to one of them."""
     owned: set[Any] = {CampaignRow.__table__, Study.__table__}
-    for table in Base.metadata.sorted_tables:  # a table comes after those that it refers to
+    for table in TableBase.metadata.sorted_tables:  # a table comes after those that it refers to
         if any(target.table in owned for _, target in _references(table)):
             owned.add(table)
     return frozenset(owned)

@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Column, Connection, Table, insert, select
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, ProcessRow, StepRow, TrialRow, VerdictRow
@@ -48,7 +48,7 @@ class EpisodeRows:
     """Measured start pose, if any."""
 
 
-def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
+def columns_of(table: type[TableBase], *without: str) -> list[Column[Any]]:
     """Return the columns of a table except the named ones."""
     found: Table = table.metadata.tables[table.__tablename__]
     return [column for column in found.columns if column.name not in without]
@@ -149,7 +149,7 @@ def insert_episode_rows(
     return number
 
 
-def add_rows(connection: Connection, table: type[Base], episode_id: int, rows: Sequence[Row]) -> None:
+def add_rows(connection: Connection, table: type[TableBase], episode_id: int, rows: Sequence[Row]) -> None:
     """Append steps, verdicts or events of another record to an episode."""
     if rows:
         connection.execute(insert(table), [{**row, "episode_id": episode_id} for row in rows])

@@ -16,13 +16,13 @@ from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import OtherRecord, columns_of, difference, missing_events, read_episode_rows
 from vsnbench.results.merging.goals import Definitions, agreeing_definitions
 from vsnbench.results.merging.studies import StudiesPlan, plan_studies
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.row_encoding import Row
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.writing.campaigns import PlannedTrial
 from vsnbench.results.writing.lifecycle import ACTIVE, RESULTS
 
-IDENTITIES: tuple[tuple[type[Base], str, tuple[str, ...]], ...] = (
+IDENTITIES: tuple[tuple[type[TableBase], str, tuple[str, ...]], ...] = (
     (SiteRow, "site_id", ("content",)),
     (RobotRow, "robot_id", ("kind", "profile", "simulated")),
     (ModelRow, "model_id", ("name", "weights_sha256", "settings", "surveyed", "files")),
@@ -185,7 +185,7 @@ def _agree(known: dict[tuple[str, str], Any], kind: str, identity: str, content:
         )
 
 
-def _all(connection: Connection, table: type[Base]) -> list[Row]:
+def _all(connection: Connection, table: type[TableBase]) -> list[Row]:
     rows = connection.execute(select(*columns_of(table)).order_by(table.__table__.c.id)).mappings()
     return [dict(row) for row in rows]
 

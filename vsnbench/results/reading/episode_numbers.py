@@ -6,11 +6,11 @@ from datetime import datetime
 from sqlalchemy import Connection, func, select, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.tables import EpisodeRow
 
 
-class ReleasedClaim(Base):
+class ReleasedClaim(TableBase):
     """Number of a claim that was released before the episode began."""
 
     __tablename__ = "released_claim"

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, Select, select
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.tables import CampaignRow, GoalRow, ModelRow, RobotRow, SiteRow
 from vsnbench.results.writing.campaigns import card_of_row, content_sha256, model_sha256
 from vsnbench.sites.goals import SiteGoal
@@ -31,7 +31,7 @@ class RowFault:
 
 
 def identity_faults(
-    connection: Connection, table: type[Base], numbers: Select[int] | None = None
+    connection: Connection, table: type[TableBase], numbers: Select[int] | None = None
 ) -> Iterator[RowFault | str]:
     """Yield the faults of one of the tables in `IDENTIFIED`, or as text why a row cannot be checked.
 
@@ -60,7 +60,7 @@ def identity_faults(
         )
 
 
-IDENTIFIED: tuple[type[Base], ...] = (SiteRow, RobotRow, ModelRow, GoalRow, CampaignRow)
+IDENTIFIED: tuple[type[TableBase], ...] = (SiteRow, RobotRow, ModelRow, GoalRow, CampaignRow)
 """Tables whose rows contain the hash of their content."""
 
 

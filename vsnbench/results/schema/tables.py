@@ -9,10 +9,10 @@ from typing import Any
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, Integer, LargeBinary, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 
 
-class SiteRow(Base):
+class SiteRow(TableBase):
     """A surveyed site with its content at the beginning of the campaign."""
 
     __tablename__ = "site"
@@ -24,7 +24,7 @@ class SiteRow(Base):
     content: Mapped[dict[str, Any]]
 
 
-class RobotRow(Base):
+class RobotRow(TableBase):
     """A robot as identified by its driver."""
 
     __tablename__ = "robot"
@@ -40,7 +40,7 @@ class RobotRow(Base):
     profile: Mapped[dict[str, Any]]
 
 
-class ModelRow(Base):
+class ModelRow(TableBase):
     """A policy with its weights and settings; other weights or settings are another model."""
 
     __tablename__ = "model"
@@ -62,7 +62,7 @@ class ModelRow(Base):
     """The model has access to the site file: an upper bound, not a competitor."""
 
 
-class ProcessRow(Base):
+class ProcessRow(TableBase):
     """A writing process: provenance, and identity to check whether it is alive."""
 
     __tablename__ = "process"
@@ -89,7 +89,7 @@ class ProcessRow(Base):
     """Operating system, interpreter and processor; of a process that runs trials also `package_hashes`."""
 
 
-class CampaignRow(Base):
+class CampaignRow(TableBase):
     """A condition (model, robot, site, protocol, conditions) and a seed; its plan of trials may grow."""
 
     __tablename__ = "campaign"
@@ -112,7 +112,7 @@ class CampaignRow(Base):
     seed: Mapped[int] = mapped_column(BigInteger)
 
 
-class GoalRow(Base):
+class GoalRow(TableBase):
     """Definition of a goal of a site file; a category of objects has none."""
 
     __tablename__ = "goal"
@@ -130,7 +130,7 @@ class GoalRow(Base):
     """The photograph of an image goal, PNG or JPEG; NULL for other kinds."""
 
 
-class TrialRow(Base):
+class TrialRow(TableBase):
     """A planned trial: a goal, a starting position and a repetition."""
 
     __tablename__ = "trial"
@@ -153,7 +153,7 @@ class TrialRow(Base):
     """Order of planning, from 0."""
 
 
-class SessionRow(Base):
+class SessionRow(TableBase):
     """A session of one operator with one robot."""
 
     __tablename__ = "session"
@@ -175,7 +175,7 @@ IS_ACTIVE = text("state IN ('claimed', 'placed', 'running')")  # a query with ex
 _WHERE_ACTIVE: Any = {"sqlite_where": IS_ACTIVE, "postgresql_where": IS_ACTIVE}
 
 
-class EpisodeRow(Base):
+class EpisodeRow(TableBase):
     """One attempt at a trial; `end_reason` is NULL until it has ended."""
 
     __tablename__ = "episode"
@@ -242,7 +242,7 @@ class EpisodeRow(Base):
     """Relative to the results directory; empty without images."""
 
 
-class StepRow(Base):
+class StepRow(TableBase):
     """One action of the policy: observation, request, execution and measurements."""
 
     __tablename__ = "step"
@@ -301,7 +301,7 @@ class StepRow(Base):
     depth_file_digest: Mapped[str | None]
 
 
-class EventRow(Base):
+class EventRow(TableBase):
     """An event other than a step: an intervention, a resumption, a warning."""
 
     __tablename__ = "event"
@@ -317,7 +317,7 @@ class EventRow(Base):
     text: Mapped[str]
 
 
-class VerdictRow(Base):
+class VerdictRow(TableBase):
     """A judgement of an episode or a proposal; append-only, the latest judgement is current."""
 
     __tablename__ = "verdict"
