@@ -28,7 +28,7 @@ def _of_collision(name: str) -> Callable[[StepRecord], Any]:
 
 
 def _step(name: str, kind: Any, meaning: str, get: Callable[[StepRecord], Any] | None = None, **how: Any) -> Field:
-    columns = tables.Step.__table__.c
+    columns = tables.StepRow.__table__.c
     sql = (columns[name],) if name in columns else ()
     return Field(name, kind, meaning, sql, get=get or attrgetter(name), **how)
 

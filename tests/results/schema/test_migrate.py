@@ -22,7 +22,7 @@ from vsnbench.results.schema import migrate
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import create_record, get_ready
-from vsnbench.results.schema.tables import Base
+from vsnbench.results.schema.tables import TableBase
 from vsnbench.results.writing.journal import Journal
 
 ROWS_OF_0001 = """
@@ -62,7 +62,9 @@ def oldest(url: str, rows: str = "") -> None:
 def differences(url: str) -> list[object]:
     engine = open_engine(url)
     with engine.connect() as connection:
-        found = compare_metadata(MigrationContext.configure(connection, opts={"compare_type": True}), Base.metadata)
+        found = compare_metadata(
+            MigrationContext.configure(connection, opts={"compare_type": True}), TableBase.metadata
+        )
     engine.dispose()
     return list(found)
 

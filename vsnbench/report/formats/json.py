@@ -38,7 +38,7 @@ from vsnbench.report.tables.success import GROUP
 
 
 @dataclass(frozen=True, slots=True)
-class ModelRow:
+class ConditionRow:
     """A condition with what is known of it."""
 
     summary: ConditionSummary
@@ -123,7 +123,7 @@ MODEL = Measures.shared(
         null=f"without counted episodes, {_UNLESS}",
     ),
 )
-"""The JSON object of a condition, from a `ModelRow`."""
+"""The JSON object of a condition, from a `ConditionRow`."""
 _PLAIN = Form({"type": "number"})
 _PUBLISHED_ROBOT = Measures(
     Measure("robot", TEXT, "name of the robot"),
@@ -171,7 +171,7 @@ COMPARED = Measures(
         "models",
         objects(MODEL),
         "one object per condition",
-        lambda row: [ModelRow(summary, record=row["record"]) for summary in row["summaries"]],
+        lambda row: [ConditionRow(summary, record=row["record"]) for summary in row["summaries"]],
     ),
     Measure(
         "sim_vs_real",
@@ -194,7 +194,7 @@ def to_json(
     """Return the results as one JSON object, as `REPORT` and docs/schemas/report.json describe it."""
     row = {
         "results": results,
-        "models": [ModelRow(summary, activity, record) for summary in results.conditions],
+        "models": [ConditionRow(summary, activity, record) for summary in results.conditions],
         "questions": questions,
         "stability": activity.robots if activity else None,
         "operator_activity": operator_activity,
