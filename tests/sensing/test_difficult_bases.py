@@ -4,12 +4,14 @@ Every movement is judged by the base's own true poses, in virtual time. `benchma
 whole grid.
 """
 
+import math
 from functools import cache
 from statistics import mean
 
 import pytest
 
-from tests.sensing.stand import KINDS, Stand, Trial, movements, trial
+from tests.sensing.stand import KINDS, SETTINGS, Stand, Trial, held, movements, trial
+from vsnbench.control.law import turn_error_rad
 from vsnbench.values.movement import Velocity
 from vsnbench.values.robot_profile import BaseDynamics
 
@@ -64,3 +66,14 @@ def test_a_velocity_ends_at_rest_on_a_noisy_base() -> None:
     result = stand.drive(Velocity(0.2, 0.3, 1.5))
     assert result.completed, result.failure
     assert result.duration_s < 3.5
+
+
+def test_turns_are_relative_to_the_heading_before_the_first_move_of_a_noisy_gyro() -> None:
+    stand = Stand(LATE.model_copy(update={"encoder_step_m": 0.0000855, "heading_noise_deg": 0.03}))
+    heading_rad = stand.base.pose.heading_rad
+    for turn_deg in (0, 30, 0, 0, -30, 30):
+        result = stand.drive(held(turn_deg=turn_deg) if turn_deg else held(0.25))
+        assert result.completed, result.failure
+        heading_rad += math.radians(turn_deg)
+        if turn_deg:
+            assert abs(turn_error_rad(stand.base.pose.heading_rad, heading_rad)) < SETTINGS.heading_tolerance_rad

@@ -268,7 +268,12 @@ class Mover:
                 rate_hz = 1 / statistics.median(self._periods_s) if self._periods_s else 1.0
                 assert latest is not None  # noqa: S101  # checked before the leg
                 start = self._rest.start(
-                    latest.pose, tolerance, turns=leg.turns, holds_heading=holds, final=now_s >= give_up_s
+                    latest.pose,
+                    tolerance,
+                    turns=leg.turns,
+                    holds_heading=holds,
+                    heading_tolerance_rad=settings.tolerance(turns=True) if leg.holds_heading and not holds else None,
+                    final=now_s >= give_up_s,
                 )
             if start is not None:
                 break

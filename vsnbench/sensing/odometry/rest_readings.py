@@ -104,7 +104,14 @@ class RestReadings:
         return mean_pose(poses) if len(poses) >= _FEW else latest
 
     def start(
-        self, latest: Pose, tolerance: float, *, turns: bool, holds_heading: bool, final: bool = False
+        self,
+        latest: Pose,
+        tolerance: float,
+        *,
+        turns: bool,
+        holds_heading: bool,
+        heading_tolerance_rad: float | None = None,
+        final: bool = False,
     ) -> Start | None:
         """Return the start of a movement; None while more readings are needed.
 
@@ -113,6 +120,8 @@ class RestReadings:
             tolerance: tolerance of the movement.
             turns: whether the movement is a turn.
             holds_heading: whether the target of a turn does not depend on the start.
+            heading_tolerance_rad: tolerance of the turns that will be relative to the heading of this start, if any.
+                The first movement that holds a heading, even a move, decides how well all turns after it are known.
             final: whether to use the available readings.
         """
         poses = self.poses
@@ -120,15 +129,28 @@ class RestReadings:
             self._measured = self._is_measured(poses)
             poses = self.poses
         if not self._meter.freedom:
-            span = [pose.heading_rad if turns else pose.distance_to(poses[0]) for pose in poses[-3:]]
-            if final or (len(span) == 3 and is_quiet(max(span) - min(span), tolerance)):
+            if final or (
+                len(poses) >= _FEW - 1 and self._seem_quiet(poses[1 - _FEW :], tolerance, heading_tolerance_rad, turns)
+            ):
                 return Start(latest, noise_of(poses) if final else QUIET, 1)
             return None
         noise = self._meter.bound
-        along = noise.along(turns=turns)
-        if is_quiet(along, tolerance):
+        needed = [] if turns and holds_heading else [(noise.along(turns=turns), tolerance)]
+        if heading_tolerance_rad is not None:
+            needed.append((noise.heading_rad, heading_tolerance_rad))
+        noisy = [(spread, limit) for spread, limit in needed if not is_quiet(spread, limit)]
+        if not noisy and is_quiet(noise.along(turns=turns), tolerance):
             return Start(latest, noise, 1)
-        needed = 1 if turns and holds_heading else min(readings_for(along, START_SHARE * tolerance), _KEPT)
-        if len(poses) < needed and not final:
+        count = max((min(readings_for(spread, START_SHARE * limit), _KEPT) for spread, limit in noisy), default=1)
+        if len(poses) < count and not final:
             return None
         return Start(mean_pose(poses) if poses else latest, noise, max(len(poses), 1))
+
+    @staticmethod
+    def _seem_quiet(poses: Sequence[Pose], tolerance: float, heading_tolerance_rad: float | None, turns: bool) -> bool:
+        """Return whether the newest readings, too few to measure noise, show none."""
+        turned = [pose.heading_rad for pose in poses]
+        limits = [(turned if turns else [pose.distance_to(poses[0]) for pose in poses], tolerance)]
+        if heading_tolerance_rad is not None:
+            limits.append((turned, heading_tolerance_rad))
+        return all(is_quiet(max(span) - min(span), limit) for span, limit in limits)
