@@ -13,7 +13,7 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.conditions import Selection, kinds_note
 from vsnbench.report.analysis.episodes_frame import empty_report_data
 from vsnbench.report.analysis.published import published_results
-from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import EXCHANGED, Comparison, compare
 from vsnbench.report.comparison.ranking import ranking_of
@@ -22,7 +22,7 @@ from vsnbench.report.study.primary import analyse
 from vsnbench.report.tables.comparison import COMPARISON, comparison_tables
 from vsnbench.report.tables.ranking import ranking_table
 from vsnbench.report.tables.reference import reference_comparison
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.sites.site import load_site
 from vsnbench.statistics.clustered import independent_difference
 from vsnbench.statistics.conclusion import Conclusion
@@ -37,7 +37,7 @@ def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: ob
     lab.write([Attempt(g, s, success=(g, s) in successes) for g, s in cells], model=model, **options)  # type: ignore[arg-type]
 
 
-def results_of(lab: Lab) -> Results:
+def results_of(lab: Lab) -> ReportResults:
     return summarise(read(lab.url, Selection()))
 
 
@@ -182,7 +182,7 @@ def test_a_clear_difference_has_a_winner(lab: Lab) -> None:
 
 def test_no_winner_is_named_below_95_percent_coverage(lab: Lab) -> None:
     succeed(lab, "good", {(g, s) for g in GOALS for s in STARTS})
-    planned = [PlannedTrial(g, s) for g in GOALS for s in STARTS]
+    planned = [Trial(g, s) for g in GOALS for s in STARTS]
     done = [Attempt(t.goal, t.start, success=False) for t in planned[:28]]
     lab.write(done, model="bad", trials=planned)
     (comparison,) = comparisons(lab, "good", "bad")
