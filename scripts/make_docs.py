@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from scripts import command_outputs  # noqa: E402 - importable only after the line above
+from scripts import command_outputs, json_schemas  # noqa: E402 - importable only after the line above
 from scripts.api_page import api_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
 from scripts.record_schemas import main as write_record_schemas  # noqa: E402
@@ -80,6 +80,7 @@ def main(docs: Path) -> None:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
+    json_schemas.main(docs / "schemas")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     _write_newest_sql(resource_directory("migrations") / NEWEST)
     write_record_schemas()

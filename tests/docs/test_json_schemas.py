@@ -10,6 +10,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from typer.main import get_command
 
+from scripts.json_schemas import schemas
 from tests.cli.console import vsnbench_process
 from tests.docs.json_coverage import parts_without_a_value
 from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults, name_of
@@ -79,6 +80,12 @@ def test_a_schema_is_valid_and_refers_to_objects_that_exist(path: Path) -> None:
     Draft202012Validator.check_schema(schema)
     defined = json.loads((SCHEMAS / "common.json").read_text(encoding="utf-8"))["$defs"]
     assert set(re.findall(r"common\.json#/\$defs/(\w+)", json.dumps(schema))) <= defined.keys()
+
+
+def test_the_schemas_of_declared_measures_are_up_to_date() -> None:
+    written = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in SCHEMAS.glob("*.json")}
+    generated = schemas(written["common"])
+    assert {file: written[file] for file in generated} == generated, "run `python scripts/json_schemas.py`"
 
 
 def objects_of(schema: Any) -> Iterator[dict[str, Any]]:

@@ -24,13 +24,22 @@ def differences(before: dict[str, str], now: dict[str, str], lines: int = 20) ->
     """Return what differs by name: the first lines of a unified difference each."""
     found = []
     for name in sorted(before.keys() | now.keys()):
-        old, new = (texts.get(name, "").splitlines() for texts in (before, now))
+        old, new = (_ordered(texts.get(name, "")).splitlines() for texts in (before, now))
         if old != new:
             changed = list(difflib.unified_diff(old, new, "frozen", "now", lineterm="", n=0))
             found.append(
                 "\n".join([name, *changed[:lines], *([f"... {len(changed) - lines} more"][: len(changed) > lines])])
             )
     return found
+
+
+def _ordered(text: str) -> str:
+    """Return a command's output with the keys of its JSON in alphabetical order."""
+    code, _, output = text.partition("\n") if text.startswith("exit code") else ("", "", text)
+    try:
+        return f"{code}\n{json.dumps(json.loads(output), indent=1, sort_keys=True)}"
+    except json.JSONDecodeError:
+        return text
 
 
 def main() -> int:

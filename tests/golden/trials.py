@@ -11,7 +11,7 @@ from tests.golden.outputs import run
 RUNS = (
     "run --model oracle --goal all",
     "run --model pirlnav --goal all",
-    "run --model vlv,frontier --goal chair,plant",
+    "run --model vlv,frontier --goal chair,sofa",
 )
 """Command lines: 105 trials of the oracle, 90 of PIRLNav, 60 of VLV and frontier."""
 

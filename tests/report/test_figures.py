@@ -13,7 +13,6 @@ import shapely
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.analysis.activity import ActionCount
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.analysis.trajectories import read_tracks
@@ -23,6 +22,7 @@ from vsnbench.report.figures.actions import _names
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, build_and_draw, drawings
 from vsnbench.report.figures.plans import outcome
 from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
+from vsnbench.report.tables.activity import ROBOTS
 from vsnbench.values.action import Action
 
 COMMENT = re.compile(r"<!-- (.*?) -->")
@@ -44,7 +44,7 @@ def test_a_rare_stop_is_counted_and_given_its_share(lab: Lab) -> None:
     lab.write([Attempt(steps=steps), void(start=2)])
     report, figures = drawn(lab)
     assert report.activity is not None
-    assert sum(each.steps for each in report.activity.actions) == 501
+    assert sum(each["steps"] for each in report.activity.actions) == 501
     words = texts(figures["actions"])
     assert "1 (0.2 %)" in words
     assert {"STOP", "MOVE_FORWARD", "LOOK_DOWN", "blocked"} <= set(words)
@@ -56,9 +56,9 @@ def test_void_attempts_are_in_no_histogram_but_on_the_odometer(lab: Lab) -> None
     report, figures = drawn(lab)
     assert report.activity is not None
     (robot,) = report.activity.robots
-    assert (robot.episodes, robot.failures) == (2, 1)
-    assert robot.path_m == pytest.approx(502)
-    assert robot.failures_per_km == pytest.approx(1 / 0.502)
+    assert (robot["episodes"], robot["failures"]) == (2, 1)
+    assert robot["path_m"] == pytest.approx(502)
+    assert ROBOTS.fields(robot)["failures_per_km"] == pytest.approx(1 / 0.502)
     assert "0.50 km in 0.51 h" in figures["mileage"].alt
 
 
@@ -181,7 +181,7 @@ def test_a_figure_names_the_interval_that_it_draws(lab: Lab) -> None:
 
 def test_actions_of_robots_come_before_the_model_s_own() -> None:
     used = [("LOOK_UP", "MOVE_BACKWARD"), ("LOOK_DOWN", "MOVE_FORWARD"), ("ZOOM", "NOOP"), ("STOP", "STOP")]
-    counts = [ActionCount(1, raw, action, False, 1) for raw, action in used]
+    counts = [{"raw_action": raw, "action": action, "blocked": False} for raw, action in used]
     assert _names(counts) == ["STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "NOOP", "LOOK_DOWN", "LOOK_UP", "ZOOM"]
 
 

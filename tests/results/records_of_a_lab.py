@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
@@ -65,7 +65,7 @@ def plan(
         model=ModelCard("random", settings=settings or {"temperature": 1.0}),
         protocol=ProtocolParameters(),
         seed=seed,
-        trials=[PlannedTrial(goal, start) for goal in goals for start in (1, 2)],
+        trials=[Trial(goal, start) for goal in goals for start in (1, 2)],
     )
 
 
@@ -89,16 +89,15 @@ def forward(number: int) -> StepRecord:
 def stopped(*, success: bool, actions: int = 3) -> EpisodeEnd:
     distance = GoalDistance(0.4 if success else 2.4, PoseSource.SIMULATED, "chair_1")
     return EpisodeEnd(
-        EndReason.STOP,
-        actions,
         Verdict(EndReason.STOP, success, "judged", distance),
-        path_length_m=0.25 * actions,
+        actions,
+        path_m=0.25 * actions,
         duration_s=1.5 * actions,
     )
 
 
 def void(reason: EndReason = EndReason.ABORTED) -> EpisodeEnd:
-    return EpisodeEnd(reason, 1, Verdict(reason, None, "void"), error="a person ended it")
+    return EpisodeEnd(Verdict(reason, None, "void"), 1, error="a person ended it")
 
 
 def begun(journal: Journal, trial: Trial) -> Claim:
@@ -111,7 +110,7 @@ def begun(journal: Journal, trial: Trial) -> Claim:
 def going(journal: Journal, claim: Claim) -> Claim:
     """Place a claimed episode and begin it."""
     journal.place(claim.id, Fix(Pose(1.0, 1.0, 0.0), PoseSource.SIMULATED))
-    journal.begin(claim.id, EpisodeBegin(geodesic_m=2.0))
+    journal.begin(claim.id, EpisodeBegin(shortest_m=2.0))
     return claim
 
 

@@ -11,9 +11,10 @@ import numpy as np
 from tests.runner.stand_ins import NOBODY
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import Site, StartingPosition
@@ -141,7 +142,7 @@ class Counts:
     def intervention(self, *_: Any) -> None:
         """Do nothing."""
 
-    def end(self, outcome: EpisodeOutcome) -> None:
+    def end(self, outcome: EpisodeEnd) -> None:
         """Count the end."""
         self.ends[outcome.verdict.end_reason.value] += 1
 

@@ -10,10 +10,10 @@ from sqlalchemy import update
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.schema.tables import Episode
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
@@ -66,7 +66,7 @@ def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
             yield EventEntry(index, "blocked", "action 2: 812 pixels nearer than 0.40 m")
         pose = after
     distance = GoalDistance(0.62, PoseSource.SIMULATED, "chair-2")
-    yield EndEntry(judge(EndReason.STOP, count, distance, about.parameters), count, 5.25, 61.2)
+    yield EpisodeEnd(judge(EndReason.STOP, count, distance, about.parameters), count, path_m=5.25, duration_s=61.2)
 
 
 def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
@@ -75,7 +75,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
     profile = load_profile("turtlebot2")
     model = ModelCard("vlv", weights_label="stand-in weights")
     plan = CampaignPlan(
-        about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [PlannedTrial("chair", 1)]
+        about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [Trial("chair", 1)]
     )
     results.prepare()
     with Journal.open(results.database_url) as journal:
@@ -94,17 +94,8 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
                     journal.append_step(handle.id, entry.step)
                 case EventEntry():
                     journal.add_event(entry.kind, entry.text, episode_id=handle.id, step_number=entry.step)
-                case EndEntry() if ended:
-                    journal.end_episode(
-                        handle.id,
-                        EpisodeEnd(
-                            entry.verdict.end_reason,
-                            entry.actions,
-                            entry.verdict,
-                            path_length_m=entry.path_length_m,
-                            duration_s=entry.duration_s,
-                        ),
-                    )
+                case EpisodeEnd() if ended:
+                    journal.end_episode(handle.id, entry)
     return handle.id
 
 

@@ -21,9 +21,10 @@ from vsnbench.interop.importing import import_habitat, unsurveyed_site
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EndEntry, StepEntry
+from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.schema.tables import Step
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.values.fix import PoseSource
 from vsnbench.viewer.rebuild import current_recording, recording_fault
@@ -184,7 +185,7 @@ def test_a_replay_has_the_recorded_entries(results: ResultsDirectory) -> None:
     given = list(entries(4))
     assert replay.header == replace(header(), episode_id=replay.header.episode_id, robot=replay.header.robot)
     assert [type(entry) for entry in replay.entries] == [type(entry) for entry in given]
-    assert replay.end == next(entry for entry in given if isinstance(entry, EndEntry))
+    assert replay.end == next(entry for entry in given if isinstance(entry, EpisodeEnd))
     for was, now in zip(given, replay.entries, strict=True):
         if isinstance(was, StepEntry) and isinstance(now, StepEntry):
             assert (now.rgb_jpeg, now.depth_png) == (was.rgb_jpeg, was.depth_png)

@@ -15,8 +15,8 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
@@ -88,4 +88,4 @@ def ended_episode(session: PageSession) -> EndedEpisode:
     upcoming = session.prompts.state.upcoming
     assert upcoming is not None
     proposed = Verdict(EndReason.STEP_LIMIT, False, "failed")
-    return EndedEpisode(1, upcoming.plan, EpisodeOutcome(proposed, 4, None, 1.0, proposed=True))
+    return EndedEpisode(1, upcoming.plan, EpisodeEnd(proposed, 4, None, 1.0, proposed=True))

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
+from vsnbench.cli.support.listing import print_list, prose_column
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.cli.support.terminal import safe
+from vsnbench.report.table import Column
 
 if TYPE_CHECKING:
     from vsnbench.config import ConfigDefault
@@ -50,7 +51,15 @@ def show(as_json: Json = False) -> None:
         source = FILE_NAME if default.source == str(Path.cwd() / FILE_NAME) else default.source
         value = default.value.replace(str(Path.home()), "~", 1) if source == _BUILT_IN else default.value
         rows.append((default.name, safe(value or "not set"), safe(source), VARIABLE_OF.get(default.name, "")))
-    print_list((ListColumn("key"), prose_column("value"), prose_column("from"), ListColumn("variable", rank=1)), rows)
+    print_list(
+        (
+            Column("key", number=False),
+            prose_column("value"),
+            prose_column("from"),
+            Column("variable", number=False, rank=1),
+        ),
+        rows,
+    )
 
 
 def _built_in(default: "ConfigDefault") -> "ConfigDefault":

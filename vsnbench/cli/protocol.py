@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, print_list, prose_column
+from vsnbench.cli.support.listing import print_list, prose_column
 from vsnbench.cli.support.output import Json, fault_fields, fault_lines, print_json, print_result
 from vsnbench.cli.support.terminal import safe
+from vsnbench.report.table import Column
 
 if TYPE_CHECKING:
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -32,14 +33,14 @@ def list_protocols(as_json: Json = False) -> None:
     if as_json:
         print_json([_content(named.parameters) | {"summary": named.summary} for named in NAMED.values()])
         return
-    numbers = [ListColumn(heading, right=True) for heading in ("actions", "time", "path", "success")]
+    numbers = [Column(heading) for heading in ("actions", "time", "path", "success")]
     rows = []
     for name, each in NAMED.items():
         parameters = each.parameters
         limits = (_limit(parameters.max_time_s, "s"), _limit(parameters.max_path_m, "m"))
         success = f"under {parameters.success_distance_m:g} m"
         rows.append((name, str(parameters.max_actions), *limits, success, each.summary))
-    print_list((ListColumn("name"), *numbers, prose_column("description")), rows)
+    print_list((Column("name", number=False), *numbers, prose_column("description")), rows)
 
 
 @app.command()
@@ -59,10 +60,10 @@ def show(
         print_json(_content(parameters) | {"parameters": [asdict(row) for row in rows]})
         return
     columns = (
-        ListColumn("parameter"),
-        ListColumn("value", right=True),
-        ListColumn("unit"),
-        ListColumn("default", right=True, rank=2),
+        Column("parameter", number=False),
+        Column("value"),
+        Column("unit", number=False),
+        Column("default", rank=2),
         prose_column("source", rank=1),
         prose_column("meaning", rank=3),
     )

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import SiteError, UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def list_sites(as_json: Json = False) -> None:
         ]
         print_json(rows)
         return
-    numbers = (ListColumn(heading, right=True) for heading in ("area", "rooms", "objects", "starts"))
+    numbers = (Column(heading) for heading in ("area", "rooms", "objects", "starts"))
     lines = []
     for site, _ in sites:
         counts = (len(site.rooms), len(site.objects), len(site.starts))
@@ -104,21 +105,29 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
     console.print(f"doors: {safe(doors or 'none')}\n", highlight=False)
     instances = {goal: ", ".join(safe(thing.id) for thing in site.instances(goal)) for goal in GOAL_CATEGORIES}
     goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]
-    print_list((ListColumn("goal"), prose_column("instances")), goals)
+    print_list((Column("goal", number=False), prose_column("instances")), goals)
     typer.echo()
     if site.goals:
         rows = []
         for goal in site.goals:
             targets = ", ".join(target.id for target in targets_of(site, goal.id))
             rows.append((safe(goal.id), goal.kind.value, safe(goal.text or goal.category), safe(targets)))
-        print_list((ListColumn("goal"), ListColumn("kind"), prose_column("words"), prose_column("targets")), rows)
+        print_list(
+            (
+                Column("goal", number=False),
+                Column("kind", number=False),
+                prose_column("words"),
+                prose_column("targets"),
+            ),
+            rows,
+        )
         typer.echo()
     starts = []
     for start in site.starts:
         x_m, y_m = start.position
         row = (str(start.number), f"({x_m:.2f}, {y_m:.2f})", f"{start.heading_deg:g}°", safe(start.note))
         starts.append(row)
-    numbers = (ListColumn(heading, right=True) for heading in ("start", "at", "heading"))
+    numbers = (Column(heading) for heading in ("start", "at", "heading"))
     print_list((*numbers, prose_column("note")), starts)
 
 

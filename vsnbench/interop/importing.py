@@ -19,8 +19,8 @@ from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.files.staged_import import StagedImport, remove_stale_imports
 from vsnbench.results.reading.queries import images_directories
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
+from vsnbench.results.writing.entries import unjudged_end
 from vsnbench.results.writing.imports import IMPORTED, ImportedEpisode
 from vsnbench.results.writing.journal import Journal
 from vsnbench.sites.site import Site
@@ -91,9 +91,9 @@ def _logged(episode: LoggedEpisode) -> ImportedEpisode:
     if len(episode.actions) >= ProtocolParameters().max_actions:
         reason = EndReason.STEP_LIMIT
     return ImportedEpisode(
-        end=EpisodeEnd(
-            end_reason=reason,
-            actions=len(episode.actions),
+        end=unjudged_end(
+            reason,
+            len(episode.actions),
             error="" if episode.stopped else "the imported log ends without STOP",
             ended_at=moment,
         ),
@@ -141,8 +141,8 @@ def _simulated(episode: HabitatEpisode, protocol: ProtocolParameters) -> Importe
     if episode.distance_to_goal_m is not None:
         distance = GoalDistance(episode.distance_to_goal_m, PoseSource.SIMULATED)
     return ImportedEpisode(
-        end=EpisodeEnd(end_reason=reason, actions=episode.steps, path_length_m=episode.path_length_m),
-        geodesic_m=episode.geodesic_distance_m,
+        end=unjudged_end(reason, episode.steps, path_m=episode.path_length_m),
+        shortest_m=episode.geodesic_distance_m,
         judged=Verdict(reason, episode.success, "as the simulator's results say", distance),
         author="habitat",
     )
@@ -163,7 +163,7 @@ def _plan(
     planned = []
     for goal in goals:
         seen[goal] += 1
-        planned.append(PlannedTrial(goal, start, seen[goal]))
+        planned.append(Trial(goal, start, seen[goal]))
     digest = hashlib.sha256(source.read_bytes()).digest()
     return CampaignPlan(
         site=site,

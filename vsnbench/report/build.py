@@ -9,24 +9,25 @@ from pathlib import Path
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.report.analysis.activity import ActionCount, Activity, read_actions, read_robots
+from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.courses import Examined, measure_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.failures import read_failures
-from vsnbench.report.analysis.judgements import RaterAgreement, read_judgements, read_rater_agreements
+from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
 from vsnbench.report.analysis.operators import OperatorActivity, read_operator_activity
-from vsnbench.report.analysis.summary import Results, summarise
-from vsnbench.report.comparison.question import Question, questions
+from vsnbench.report.analysis.summary import ReportResults, summarise
+from vsnbench.report.comparison.question import ModelQuestion, questions
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.table import ReportTable
 from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
+from vsnbench.report.tables.failures import failure_table, judgement_table
 from vsnbench.report.tables.operators import operator_table, session_table
 from vsnbench.report.tables.progress import progress_tables
 from vsnbench.report.tables.question import question_tables
 from vsnbench.report.tables.reference import paper_comparison_table, paper_stability_table
 from vsnbench.report.tables.second_judgements import second_judgement_tables
-from vsnbench.report.tables.sensitivity import drift_table, failure_table, judgement_table, sensitivity_tables
+from vsnbench.report.tables.sensitivity import drift_table, sensitivity_tables
 from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
 from vsnbench.report.tables.success import goal_table, overview_table, start_table
 from vsnbench.results.schema.engine import database_label
@@ -80,16 +81,16 @@ class Report:
     """A record, its statistics and its tables."""
 
     record: ReportData
-    results: Results
+    results: ReportResults
     activity: Activity | None = None
     """None if only the rates were requested."""
     reference: bool = False
     """Show the paper's results next to the recorded ones."""
-    questions: tuple[Question, ...] = ()
+    questions: tuple[ModelQuestion, ...] = ()
     """Comparisons of models; empty if only the rates were requested."""
     operator_activity: OperatorActivity | None = None
     """None without operators, or with one operator in one session."""
-    raters: tuple[RaterAgreement, ...] = ()
+    raters: Rows = ()
     """Agreement of blind second judgements with the verdicts."""
 
     def tables(self, *, long: bool = False) -> list[ReportTable]:
@@ -126,7 +127,7 @@ class Report:
         if self.operator_activity is None:
             return []
         tables = [operator_table(self.operator_activity)]
-        if self.operator_activity.sessions:
+        if self.operator_activity["sessions"]:
             tables.append(session_table(self.operator_activity))
         if not long and (over_time := drift_table(self.record, self.results)).rows:
             tables.append(over_time)
@@ -198,6 +199,6 @@ def build(
         return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
 
 
-def _actions(url: str, selection: Selection) -> tuple[ActionCount, ...]:
+def _actions(url: str, selection: Selection) -> Rows:
     with open_record(url) as engine:
         return read_actions(engine, selection)

@@ -6,24 +6,24 @@ the columns and cells of a table, JSON objects, CSV lines and the JSON schema (`
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import Enum
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from vsnbench.report.table import (
     EMPTY,
-    Cell,
     Column,
     ReportTable,
     Row,
+    TableCell,
     decimal,
     interval_cell,
     of,
     p_cell,
 )
-from vsnbench.statistics.rates import UNKNOWN, Interval
+from vsnbench.statistics.rates import UNKNOWN, Interval, Proportion
 
 COMMON = "common.json#/$defs/"
 """Where the schemas refer to for objects that several commands print."""
@@ -42,12 +42,25 @@ def known(value: Any) -> Any:
     return value.isoformat() if isinstance(value, datetime) else value
 
 
-def _text(value: Any) -> Cell:
-    return EMPTY if value is None else value if isinstance(value, Cell) else Cell(str(value))
+def _text(value: Any) -> TableCell:
+    return EMPTY if value is None else value if isinstance(value, TableCell) else TableCell(str(value))
 
 
-def _count(value: int | None) -> Cell:
-    return EMPTY if value is None else Cell(str(value), value)
+def _count(value: int | None) -> TableCell:
+    return EMPTY if value is None else TableCell(str(value), value)
+
+
+Part = Callable[[Any], Any] | str
+"""A part of a row: a function, or the path of an attribute or item, like `rate.interval`."""
+
+
+def part_of(row: Any, part: Part) -> Any:
+    """Return a part of a row."""
+    if callable(part):
+        return part(row)
+    for name in part.split("."):
+        row = row[name] if isinstance(row, Mapping) else getattr(row, name)
+    return row
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +69,7 @@ class Form:
 
     schema: Mapping[str, Any]
     """JSON schema of a value that is known."""
-    cell: Callable[[Any], Cell] = _text
+    cell: Callable[[Any], TableCell] = _text
     number: bool = True
     """Whether cells are right-aligned."""
     json: Callable[[Any], Any] = known
@@ -77,13 +90,15 @@ ANYTHING = Form({"type": "object", "additionalProperties": True})
 COUNTS = Form({"type": "object", "additionalProperties": {"type": "integer"}})
 RATIO = Form({}, lambda parts: of(*parts))
 """A part and its whole, only in tables."""
+CELL = Form({}, lambda cell: cell)
+"""A cell, only in tables."""
 
 
-def decimals(places: int, factor: int = 1) -> Form:
-    """Return the form of a number with decimals; a table shows it times a factor."""
+def decimals(places: int, factor: int = 1, unit: int = 1) -> Form:
+    """Return the form of a number with decimals; a table shows it times a factor, in multiples of a unit."""
     return Form(
         {"type": "number"},
-        lambda value: decimal(math.nan if value is None else factor * value, places),
+        lambda value: decimal(math.nan if value is None else factor * value / unit, places),
         null=UNLESS_KNOWN,
     )
 
@@ -112,8 +127,8 @@ class Measure:
     form: Form
     meaning: str = ""
     """Explanation in the JSON schema and of the heading."""
-    of: Callable[[Any], Any] | None = None
-    """Its value for a row; by default the row's attribute, or item, of this key."""
+    of: Part = ""
+    """Its value; by default the attribute or item of this key."""
     null: str | None = None
     """When JSON has null, like `without episodes`, if not as for the form; empty if never."""
     heading: str = ""
@@ -127,9 +142,7 @@ class Measure:
 
     def value(self, row: Any) -> Any:
         """Return the value for a row."""
-        if self.of is not None:
-            return self.of(row)
-        return row[self.key] if isinstance(row, Mapping) else getattr(row, self.key)
+        return part_of(row, self.of or self.key)
 
     @property
     def column(self) -> Column:
@@ -173,16 +186,29 @@ class Measures(tuple[Measure, ...]):
     common: str = ""
     """Name of the object among those of common.json."""
 
+    def __new__(cls, *measures: Measure) -> Self:
+        """Return measures in order."""
+        return super().__new__(cls, measures)
+
     @classmethod
-    def shared(cls, name: str, measures: Iterable[Measure]) -> "Measures":
+    def shared(cls, name: str, *measures: Measure) -> Self:
         """Return the measures of an object to which several schemas refer by name."""
-        found = cls(measures)
+        found = cls(*measures)
         found.common = name
         return found
 
     def named(self, key: str) -> Measure:
         """Return the measure with this key."""
         return next(measure for measure in self if measure.key == key)
+
+    def in_columns(self, *names: str) -> "Measures":
+        """Return the same measures with columns in this order, named by heading or key, where JSON has another."""
+        found = Measures(*self)
+        by_name = {measure.key: measure for measure in self.shown} | {
+            measure.heading: measure for measure in self.shown
+        }
+        found.shown = tuple(by_name[name] for name in names)
+        return found
 
     @cached_property
     def shown(self) -> tuple[Measure, ...]:
@@ -194,11 +220,11 @@ class Measures(tuple[Measure, ...]):
         """Columns of a table."""
         return tuple(measure.column for measure in self.shown)
 
-    def cells(self, row: Any) -> tuple[Cell, ...]:
+    def cells(self, row: Any) -> tuple[TableCell, ...]:
         """Return the cells of a row."""
         return tuple(measure.form.cell(measure.value(row)) for measure in self.shown)
 
-    def row(self, row: Any, *first: Cell, total: bool = False) -> Row:
+    def row(self, row: Any, *first: TableCell, total: bool = False) -> Row:
         """Return a row of a table, with cells before those of the measures."""
         return Row((*first, *self.cells(row)), total)
 
@@ -219,6 +245,14 @@ class Measures(tuple[Measure, ...]):
             "properties": {key: schema for measure in keyed for key, schema in measure.schemas()},
             "required": [key for measure in keyed if not measure.only_in for key, _ in measure.schemas()],
         }
+
+    def within(self, part: Part) -> "Measures":
+        """Return the same measures of a part of a row."""
+
+        def of(measure: Measure) -> Callable[[Any], Any]:
+            return lambda row: measure.value(part_of(row, part))
+
+        return Measures(*(replace(measure, of=of(measure)) for measure in self))
 
     @property
     def reference(self) -> dict[str, Any]:
@@ -241,3 +275,33 @@ def objects(measures: Measures) -> Form:
 def values(form: Form) -> Form:
     """Return the form of a list of values in JSON."""
     return Form({"type": "array", "items": form.schema}, json=lambda several: [form.json(value) for value in several])
+
+
+TEXTS, NUMBERS = values(TEXT), values(COUNT)
+
+
+def rates(proportion: Part, interval: Part, places: int = 2) -> tuple[Measure, ...]:
+    """Return the measures of a success rate: k/n, percent and 95 % interval; JSON has both counts.
+
+    Args:
+        proportion: successes and episodes of a row.
+        interval: interval of its success rate; None if it has none.
+        places: decimals of the percentages.
+    """
+
+    def of(name: str) -> Callable[[Any], Any]:
+        return lambda row: getattr(part_of(row, proportion), name)
+
+    def counts(row: Any) -> tuple[int, int]:
+        known: Proportion = part_of(row, proportion)
+        return known.successes, known.trials
+
+    rate = Measure("success_rate", percents(places), "share of successes", of("rate"), null="without episodes")
+    limits = Measure("ci", intervals(places), "the 95 % interval of the success rate", interval)
+    return (
+        Measure("successes", COUNT, "number of successes", of("successes")),
+        Measure("episodes", COUNT, "number of episodes", of("trials")),
+        Measure("", RATIO, of=counts, heading="k/n"),
+        replace(rate, heading="SR %", note=""),
+        replace(limits, heading="95 % interval", note=""),
+    )

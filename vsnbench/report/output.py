@@ -14,8 +14,13 @@ from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
 from vsnbench.report.formats.latex import document, label, latex
 from vsnbench.report.formats.markdown import markdown
+from vsnbench.report.measures import TEXTS, Measure, Measures
 from vsnbench.report.table import ReportTable
 
+FILES = Measures(
+    Measure("files", TEXTS, "paths of the written files"),
+)
+"""The JSON object of the commands that write a report into a directory."""
 Named = TypeVar("Named", ReportTable, Drawing)
 
 

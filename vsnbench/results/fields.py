@@ -57,6 +57,20 @@ class Field:
         return type(None) in get_args(self.type)
 
     @property
+    def base(self) -> Any:
+        """The type without None."""
+        return (
+            reduce(or_, (part for part in get_args(self.type) if part is not type(None)))
+            if self.is_optional
+            else self.type
+        )
+
+    @property
+    def heading(self) -> str:
+        """The name of its column in a table."""
+        return self.column or self.name
+
+    @property
     def nothing(self) -> Any:
         """The value that stands for a hidden one."""
         return None if self.is_optional else {} if get_origin(self.type) is dict else self.type()
@@ -118,29 +132,38 @@ class Fields:
         return Fields(one for one in self if one.name not in names)
 
     def columns(self) -> list[Any]:
-        """Return the SQL expressions to select; hidden quantities of blinded arms are NULL.
+        """Return the SQL expressions to select, each once; hidden quantities of blinded arms are NULL.
 
         The query must join Campaign if a quantity is hidden.
         """
+        wanted = {(id(expression), one.is_hidden): expression for one in self for expression in one.sql}
         return [
-            case((CODE.is_(None), expression), else_=None) if one.is_hidden else expression
-            for one in self
-            for expression in one.sql
+            case((CODE.is_(None), expression), else_=None) if is_hidden else expression
+            for (_, is_hidden), expression in wanted.items()
         ]
 
     def rows(self, selected: Iterable[Sequence[Any]]) -> Iterator[list[Any]]:
         """Yield the values of rows of `columns`: one for each quantity that is read, in order."""
-        spans, first = [], 0
+        places: dict[tuple[int, bool], int] = {}
+        readers: list[tuple[int, Callable[..., Any] | None, tuple[int, ...]]] = []
         for one in self:
-            if one.sql:
-                spans.append((first, first + len(one.sql), one.decode))
-                first += len(one.sql)
+            own = tuple(places.setdefault((id(expression), one.is_hidden), len(places)) for expression in one.sql)
+            if own:
+                readers.append((own[0], one.decode, own))
         for row in selected:
-            yield [row[begin] if decode is None else decode(*row[begin:end]) for begin, end, decode in spans]
+            yield [
+                row[first] if decode is None else decode(*[row[place] for place in own])
+                for first, decode, own in readers
+            ]
 
     def read(self, kind: type[Value], selected: Iterable[Sequence[Any]], **others: Any) -> Iterator[Value]:
         """Yield the values of a type, of rows of `columns`; `others` are the quantities that a SELECT does not read."""
         names = [one.name for one in self if one.sql]
+        of_kind: Any = kind
+        if names == [one.name for one in fields(of_kind)][: len(names)]:
+            for values in self.rows(selected):
+                yield kind(*values, **others)
+            return
         for values in self.rows(selected):
             yield kind(**dict(zip(names, values, strict=True)), **others)
 
@@ -150,7 +173,7 @@ class Fields:
 
     def headings(self) -> list[str]:
         """Return the names of the columns of a table; poses have a column for each number."""
-        return [f"{one.column or one.name}{suffix}" for one in self for suffix in _suffixes(one.type)]
+        return [f"{one.heading}{suffix}" for one in self for suffix in _suffixes(one.type)]
 
     def cells(self, value: Any) -> list[Any]:
         """Return the row of a value, for the columns of `headings`; unknown values are empty."""

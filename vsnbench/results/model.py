@@ -46,7 +46,7 @@ class Episode:
     id: int = quantity("number of the episode in this record", _ROW.id, column="episode")
     uuid: str = quantity("identity of the episode in every record", _ROW.uuid)
     campaign: str = quantity("name of the campaign", read.CAMPAIGN_NAME)
-    campaign_id: int = quantity("number of the campaign in this record", tables.Campaign.id)
+    campaign_id: int = quantity("number of the campaign in this record", tables.Trial.campaign_id, column="campaign")
     model: str = quantity("name of the model; its code while a study is blinded", read.MODEL_NAME)
     disturbances: str = quantity(
         "disturbances, as for `--disturb`; empty without any", tables.Campaign.conditions, decode=text_of_conditions

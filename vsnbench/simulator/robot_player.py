@@ -47,7 +47,7 @@ class SimulationOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class CameraImages:
     """One set of camera images."""
 
     stamp_s: float
@@ -83,7 +83,7 @@ class RobotOutlet(Protocol):
     def wants_pictures(self) -> bool:
         """Whether the images have a receiver."""
 
-    def publish_picture(self, picture: Picture) -> None:
+    def publish_picture(self, picture: CameraImages) -> None:
         """Called with each set of images."""
 
 
@@ -116,7 +116,7 @@ class RobotPlayer:
             is_rehearsal=options.is_rehearsal,
         )
         self.categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
-        """Category of each number in `Picture.instances`."""
+        """Category of each number in `CameraImages.instances`."""
         self._camera_rate_hz = camera_rate_hz
         self._base = SimulatedBase(site, scene, profile, options.noise, options.dynamics, command_timeout_s)
         self._renderer = Renderer(scene)
@@ -225,7 +225,7 @@ class RobotPlayer:
             due_s = max(due_s + period_s, time.monotonic() - period_s)
             time.sleep(max(due_s - time.monotonic(), 0))
 
-    def _picture(self) -> Picture:
+    def _picture(self) -> CameraImages:
         with self._lock:
             pose, now_s = self._base.pose, self._base.now_s
         frame = self._renderer.render(self._profile.camera, pose)
@@ -235,7 +235,9 @@ class RobotPlayer:
             depth_m = noisy_depth(depth_m, frame.rgb, shininess, self._options.noise.depth, self._rng)
         camera = self._profile.camera
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        return Picture(self._epoch_s + now_s, frame.rgb, depth_millimetres(depth_m), frame.instance.astype(np.uint16))
+        return CameraImages(
+            self._epoch_s + now_s, frame.rgb, depth_millimetres(depth_m), frame.instance.astype(np.uint16)
+        )
 
 
 def battery_share(passed_s: float) -> float:

@@ -12,7 +12,8 @@ import rerun as rr
 
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import EndReason
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Box
 from vsnbench.values.movement import movement_text
@@ -74,7 +75,7 @@ class EpisodeDrawing:
                 self._step(entry)
             case EventEntry():
                 self._event(entry)
-            case EndEntry():
+            case EpisodeEnd():
                 self._end(entry)
 
     def _begin(self) -> None:
@@ -172,7 +173,7 @@ class EpisodeDrawing:
         author = f", by {entry.author}" if entry.author else ""
         self._log.stream.log("events", rr.TextLog(f"{entry.kind}: {entry.text}{author}", level=level))
 
-    def _end(self, entry: EndEntry) -> None:
+    def _end(self, entry: EpisodeEnd) -> None:
         # One step after the last action, so that this action has a width in the lanes.
         self._set_time(entry.actions + 1, None)
         for lane in ("actions/action", "actions/outcome"):
@@ -187,7 +188,7 @@ class EpisodeDrawing:
         )
         self._log.stream.log("verdict", _markdown(self._verdict_text(entry)), static=True)
 
-    def _verdict_text(self, entry: EndEntry) -> str:
+    def _verdict_text(self, entry: EpisodeEnd) -> str:
         header, verdict = self._header, entry.verdict
         word = {True: "Success", False: "Failure", None: "Void"}[verdict.success]
         rows = [
@@ -201,8 +202,8 @@ class EpisodeDrawing:
             distance = distance_text(goal.distance_m, header.parameters.success_distance_m, 3)
             rows.append(("distance", f"{distance} m from {goal.instance} ({goal.source.value})"))
         rows.append(("actions", f"{entry.actions}: {self._counts_text()}"))
-        if entry.path_length_m is not None:
-            rows.append(("path", f"{entry.path_length_m:.2f} m"))
+        if entry.path_m is not None:
+            rows.append(("path", f"{entry.path_m:.2f} m"))
         if entry.duration_s is not None:
             rows.append(("duration", f"{entry.duration_s:.1f} s of the robot's time"))
         if entry.error:

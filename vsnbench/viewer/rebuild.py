@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from vsnbench.errors import RecordError
 from vsnbench.files.disk_cache import cache_directory, can_write, key_of
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EndEntry
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.viewer.recording import APPLICATION, FILE_NAME, EpisodeRecording
 from vsnbench.viewer.replay import EpisodeReplay, read_episode
 from vsnbench.viewer.viewers import require_rerun
@@ -79,7 +79,7 @@ def rebuild(replay: EpisodeReplay, path: Path) -> None:
         raise RecordError(f"cannot build {path}: {fault}")
 
 
-def recording_fault(path: Path, uuid: str, end: EndEntry | None) -> str:
+def recording_fault(path: Path, uuid: str, end: EpisodeEnd | None) -> str:
     """Return why a Rerun file cannot be shown for an episode, or an empty string.
 
     Args:

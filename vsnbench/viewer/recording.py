@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from vsnbench.files.atomic import part_path, sweep_parts
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader
+from vsnbench.results.files.episode_entries import Entry, EpisodeHeader
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.viewer.viewers import is_listening, rerun_is_installed
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ class EpisodeRecording:
             while not self._abandoned and (entry := self._entries.get()) is not None:
                 for drawing in drawings:
                     drawing.draw(entry)
-                self._ended |= isinstance(entry, EndEntry)
+                self._ended |= isinstance(entry, EpisodeEnd)
             for drawing in drawings:
                 drawing.finish()
         finally:

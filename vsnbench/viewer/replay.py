@@ -9,12 +9,13 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.files.episode_entries import EndEntry, Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.image_set import ImageFault, image_faults
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.codec import decision_from_record
@@ -43,10 +44,10 @@ class EpisodeReplay:
         return bool(steps) and all(step.rgb_jpeg is None for step in steps)
 
     @property
-    def end(self) -> EndEntry | None:
+    def end(self) -> EpisodeEnd | None:
         """The current verdict; None while the episode runs."""
         last = self.entries[-1] if self.entries else None
-        return last if isinstance(last, EndEntry) else None
+        return last if isinstance(last, EpisodeEnd) else None
 
 
 def read_episode(results: ResultsDirectory, episode_id: int) -> EpisodeReplay:
@@ -129,7 +130,7 @@ def _step(step: StepRecord, images: Path | None) -> StepEntry:
     )
 
 
-def _end(episode: EpisodeRecord) -> Iterator[EndEntry]:
+def _end(episode: EpisodeRecord) -> Iterator[EpisodeEnd]:
     if episode.end_reason is None:
         return
     distance = None
@@ -139,4 +140,6 @@ def _end(episode: EpisodeRecord) -> Iterator[EndEntry]:
         distance = GoalDistance(episode.distance_m, source, episode.goal_instance or "", not is_hidden)
     text = episode.current_verdict.reason if episode.current_verdict else "not judged yet"
     verdict = Verdict(EndReason(episode.end_reason), episode.success, text, distance)
-    yield EndEntry(verdict, episode.actions, episode.path_m, episode.duration_s, episode.error)
+    yield EpisodeEnd(
+        verdict, episode.actions, error=episode.error, path_m=episode.path_m, duration_s=episode.duration_s
+    )

@@ -51,7 +51,7 @@ def test_the_list_names_every_model_and_what_it_can_look_for(
     assert vsnbench(monkeypatch, "models", "list", "--json") == 0
     by_name = {model["name"]: model for model in json.loads(capsys.readouterr().out)}
     assert by_name["random"]["goals"] is None
-    assert by_name["pirlnav"]["goals"] == ["chair", "bed", "plant", "toilet", "monitor", "sofa"]
+    assert by_name["pirlnav"]["goals"] == ["bed", "chair", "monitor", "plant", "sofa", "toilet"]
     assert by_name["pirlnav"]["sensors"] == ["rgb", "odometry"]
 
 

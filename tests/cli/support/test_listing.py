@@ -10,8 +10,9 @@ import pytest
 from tests.cli.console import Answer
 from tests.report.records import Attempt, Lab, void
 from tests.results.records_of_a_lab import plan
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.table import Column
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.writing.journal import Journal
 
@@ -131,9 +132,9 @@ def test_into_a_pipe_goes_all_of_it(
 
 
 COLUMNS = (
-    ListColumn("number", right=True),
+    Column("number"),
     name_column("name"),
-    ListColumn("when", rank=2),
+    Column("when", number=False, rank=2),
     prose_column("what", rank=1),
     prose_column("why"),
 )

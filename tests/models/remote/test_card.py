@@ -1,13 +1,15 @@
 """A card means the same for its class, its server's stand-alone file and the record."""
 
+import re
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import Policy
 from vsnbench.models.remote import vsnbench_policy as wire
-from vsnbench.models.remote.card import card_of
+from vsnbench.models.remote.card import card_of, card_to_wire
 from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.results.writing.campaigns import card_of_row, model_row, model_sha256
 from vsnbench.values.action import TILTS, Action
@@ -64,6 +66,15 @@ def test_every_field_arrives_unchanged_through_the_stand_alone_file() -> None:
             assert getattr(arrived, item.name) == getattr(FULL, item.name), item.name
     assert arrived.runs_on["device"] == "abacus"
     assert arrived.code["class"].endswith("Full")
+
+
+def test_the_page_of_the_wire_lists_every_field_and_what_is_not_the_identity() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
+    table = page.split("### The card")[1].split("\n#")[0]
+    keys = {key for cell in re.findall(r"^\| (`[^|]*) \|", table, re.MULTILINE) for key in re.findall(r"`(\w+)`", cell)}
+    assert keys == set(card_to_wire(FULL))
+    (exceptions,) = re.findall(r"except (.*)\.\n- \*\*Sessions", page)
+    assert set(re.findall(r"\w+", exceptions)) == {item.name for item in fields(ModelCard) if not item.compare}
 
 
 def test_the_stand_alone_file_knows_the_same_names() -> None:

@@ -30,9 +30,9 @@ def kinds(lab: Lab, poses: Sequence[Pose]) -> tuple[FailureKind, tuple[float, fl
     failed = Attempt("bed", 1, success=False, end_reason=EndReason.STEP_LIMIT, distance_m=2.0, steps=walk(*poses))
     lab.write([replace(failed, begins=poses[0])])
     (found,) = read_failures(lab.engine(), read(lab.url, Selection()))
-    ((kind, times),) = found.kinds
+    ((kind, times),) = found["kinds"].items()
     assert times == 1
-    return kind, (found.places[0].x_m, found.places[0].y_m) if found.places else None
+    return kind, (found["places"][0].x_m, found["places"][0].y_m) if found["places"] else None
 
 
 def test_two_circles_on_the_spot_are_turning_in_circles(lab: Lab) -> None:

@@ -43,14 +43,17 @@ def report_of(lab: Lab, *, whole: bool = True) -> Report:
 def test_who_judged_with_how_many_successes_overruled_and_interventions(two_people: Lab) -> None:
     found = report_of(two_people).operator_activity
     assert found is not None
-    anna, ben = found.operators
-    assert [(one.name, one.sessions, one.overruled, one.interventions) for one in (anna, ben)] == [
+    anna, ben = found["operators"]
+    assert [tuple(one[key] for key in ("name", "sessions", "overruled", "interventions")) for one in (anna, ben)] == [
         ("Anna", 1, 0, 0),
         ("Ben", 1, 3, 1),
     ]
-    assert [(one.judged.proportion.successes, one.judged.proportion.trials) for one in (anna, ben)] == [(8, 8), (4, 7)]
-    assert (anna.p, ben.p) == pytest.approx((0.0769, 0.0769), abs=1e-4)  # Fisher of 8/8 against 4/7
-    assert [(one.operator, one.attempts, one.interventions) for one in found.sessions] == [
+    assert [(judged.successes, judged.trials) for judged in (one["judged"].proportion for one in (anna, ben))] == [
+        (8, 8),
+        (4, 7),
+    ]
+    assert (anna["p"], ben["p"]) == pytest.approx((0.0769, 0.0769), abs=1e-4)  # Fisher of 8/8 against 4/7
+    assert [(one["operator"], one["attempts"], one["interventions"]) for one in found["sessions"]] == [
         ("Anna", 8, 0),
         ("Ben", 7, 1),
     ]

@@ -14,17 +14,17 @@ from vsnbench.protocol.metrics import ideal_time_s, sct, soft_spl, spl
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.efficiency import sct_of, soft_spl_of, spl_of
-from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.tables.activity import end_counts, end_reason_table
 from vsnbench.report.tables.success import SUMMARY, goal_table
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
 from vsnbench.values.step import StepRecord, StepTimings
 
 
-def results_of(lab: Lab, **selection: object) -> Results:
+def results_of(lab: Lab, **selection: object) -> ReportResults:
     return summarise(read(lab.url, Selection(**selection)))  # type: ignore[arg-type]
 
 
@@ -89,7 +89,7 @@ def test_an_unjudged_result_is_in_no_rate(lab: Lab) -> None:
 
 
 def test_coverage_is_trials_done_of_trials_planned(lab: Lab) -> None:
-    planned = [PlannedTrial(goal, start) for goal in ("chair", "bed") for start in range(1, 6)]
+    planned = [Trial(goal, start) for goal in ("chair", "bed") for start in range(1, 6)]
     lab.write([Attempt(start=1), Attempt(start=2)], trials=planned)
     (one,) = results_of(lab).conditions
     assert one.total.coverage == 0.2
@@ -159,8 +159,8 @@ LENGTHS = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
 def test_the_columns_of_spl_agree_with_the_protocol(rows: list[tuple[bool, float, float, float]]) -> None:
     import pandas as pd
 
-    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_length_m"])
-    assert list(sct_of(frame, frame["shortest_m"] * 0 + 0.5, frame["path_length_m"])) == pytest.approx(
+    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_m"])
+    assert list(sct_of(frame, frame["shortest_m"] * 0 + 0.5, frame["path_m"])) == pytest.approx(
         [sct(ok, ideal_time_s(shortest, 0.5), taken_s) for ok, shortest, _, taken_s in rows]
     )
     assert list(spl_of(frame)) == pytest.approx([spl(ok, shortest, path) for ok, shortest, _, path in rows])

@@ -13,15 +13,16 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.conditions import Selection, kinds_note
 from vsnbench.report.analysis.episodes_frame import empty_report_data
 from vsnbench.report.analysis.published import published_results
-from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import EXCHANGED, Comparison, compare
 from vsnbench.report.comparison.ranking import ranking_of
 from vsnbench.report.comparison.verdicts import verdicts
 from vsnbench.report.study.primary import analyse
-from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_table
+from vsnbench.report.tables.comparison import COMPARISON, comparison_tables
+from vsnbench.report.tables.ranking import ranking_table
 from vsnbench.report.tables.reference import reference_comparison
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.sites.site import load_site
 from vsnbench.statistics.clustered import independent_difference
 from vsnbench.statistics.conclusion import Conclusion
@@ -36,7 +37,7 @@ def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: ob
     lab.write([Attempt(g, s, success=(g, s) in successes) for g, s in cells], model=model, **options)  # type: ignore[arg-type]
 
 
-def results_of(lab: Lab) -> Results:
+def results_of(lab: Lab) -> ReportResults:
     return summarise(read(lab.url, Selection()))
 
 
@@ -176,18 +177,18 @@ def test_a_clear_difference_has_a_winner(lab: Lab) -> None:
     succeed(lab, "bad", set())
     (comparison,) = comparisons(lab, "bad", "good")
     assert "good succeeds more often than bad" in verdicts(comparison)[0]
-    assert comparison_fields(comparison)["rates"][0]["significant"] is True
+    assert COMPARISON.fields(comparison)["rates"][0]["significant"] is True
 
 
 def test_no_winner_is_named_below_95_percent_coverage(lab: Lab) -> None:
     succeed(lab, "good", {(g, s) for g in GOALS for s in STARTS})
-    planned = [PlannedTrial(g, s) for g in GOALS for s in STARTS]
+    planned = [Trial(g, s) for g in GOALS for s in STARTS]
     done = [Attempt(t.goal, t.start, success=False) for t in planned[:28]]
     lab.write(done, model="bad", trials=planned)
     (comparison,) = comparisons(lab, "good", "bad")
     assert "No winner is named: only 28 of 30 trials of bad are complete" in verdicts(comparison)[0]
     assert "more often" not in verdicts(comparison)[0]
-    assert comparison_fields(comparison)["rates"][0]["significant"] is False
+    assert COMPARISON.fields(comparison)["rates"][0]["significant"] is False
 
 
 def test_other_sites_are_not_paired(lab: Lab) -> None:
@@ -319,7 +320,7 @@ def test_of_a_design_too_small_for_any_p_value_nothing_is_concluded(tmp_path: Pa
     assert "[" not in words
     assert "80 % power" not in words
     assert not any(effect.interval.known for effect in one.effects)
-    fields = comparison_fields(one)["rates"][0]
+    fields = COMPARISON.fields(one)["rates"][0]
     assert (fields["least_p"], fields["too_few"], fields["significant"]) == (0.5, True, False)
 
 
@@ -361,7 +362,7 @@ def test_numbers_of_actions_are_compared_only_between_models_of_one_kind(lab: La
     (other,) = comparisons(lab, "turns", "aims")
     assert [effect.measure for effect in same.effects[:2]] == ["actions", "actions of successful episodes"]
     assert [e.measure for e in other.effects] == ["progress", "SPL", "SoftSPL", "SCT", "driving time (s)"]
-    assert [comparison_fields(each)["actions_compared"] for each in (same, other)] == [True, False]
+    assert [COMPARISON.fields(each)["actions_compared"] for each in (same, other)] == [True, False]
     notes = [comparison_tables(each)[1].notes for each in (same, other)]
     assert [len(each) for each in notes] == [1, 2]
     assert "A answers with discrete, B with discrete" in notes[1][-1]

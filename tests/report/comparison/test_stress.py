@@ -14,7 +14,7 @@ from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import compare
 from vsnbench.report.comparison.stress import LostTrial, StressedCampaigns, StressedModel, stressed_model
 from vsnbench.report.figures.severity import success_by_severity
-from vsnbench.report.tables.stress import stress_fields, stress_table
+from vsnbench.report.tables.stress import STRESSED, stress_table
 from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.statistics.multiple import holm
 
@@ -102,7 +102,7 @@ def test_the_table_and_json_state_the_same_numbers(stressed: StressedModel) -> N
     assert table.notes[0] == "A loss of success is shown, by interval and Holm p: blur@5."
     assert [cell.text for cell in table.rows[-1].cells][:4] == ["depth_holes", "–", "", "not seen"]
     assert any(note.startswith("Not seen: depth_holes.") for note in table.notes)
-    (fields,) = stress_fields([stressed])
+    fields = STRESSED.fields(stressed)
     assert fields["unseen"] == ["depth_holes"]
     assert [row["successes"] for row in fields["disturbances"]] == [12, 1, 13, 14]
     assert [row["loss"] for row in fields["disturbances"]] == pytest.approx([1 / 15, 12 / 15, 0, -1 / 15])

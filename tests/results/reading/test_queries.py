@@ -5,7 +5,7 @@ from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import count_episodes, episode_record, list_campaigns, list_episodes
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeEnd, unjudged_end
 from vsnbench.results.writing.journal import Journal
 
 
@@ -17,8 +17,8 @@ def journal(url: str) -> Journal:
     run(journal, chair_1, void())
     run(journal, chair_1, stopped(success=True))
     collision = Verdict(EndReason.COLLISION, False, "failed: collision at action 3")
-    run(journal, chair_2, EpisodeEnd(EndReason.COLLISION, 3, collision))
-    run(journal, sofa_1, EpisodeEnd(EndReason.STOP, 3))
+    run(journal, chair_2, EpisodeEnd(collision, 3))
+    run(journal, sofa_1, unjudged_end(EndReason.STOP, 3))
     journal.append_step(begun(journal, sofa_2).id, forward(1))
     other = journal.find_or_create_campaign(plan(goals=("bed",), seed=8))
     run(journal, other.trials[0], stopped(success=False))

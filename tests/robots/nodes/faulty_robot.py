@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vsnbench.robots.profiles import load_profile
-from vsnbench.simulator.robot_player import Picture, SimulationOptions
+from vsnbench.simulator.robot_player import CameraImages, SimulationOptions
 from vsnbench.sites.site import load_site
 
 MINIMUM_RANGE_MM = 600
@@ -42,7 +42,7 @@ class FaultyRobotNode(SimulatedRobot):
         self._frozen: Any = None
         super().__init__(*arguments)
 
-    def publish_picture(self, picture: Picture) -> None:
+    def publish_picture(self, picture: CameraImages) -> None:
         """Publish a picture with the current fault."""
         fault, depth_mm, rgb = self.fault, picture.depth_mm, picture.rgb
         if not fault.startswith("frozen"):

@@ -19,9 +19,10 @@ from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec, prepare_setup
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import StartingPosition
@@ -56,7 +57,7 @@ ONLY_WIRE: dict[str, dict[str, Any]] = {
 }
 
 
-def run(policy: Policy, start: StartingPosition = NEAR_A_WALL) -> tuple[EpisodeOutcome, MemoryRecorder, Pose]:
+def run(policy: Policy, start: StartingPosition = NEAR_A_WALL) -> tuple[EpisodeEnd, MemoryRecorder, Pose]:
     """Run an episode; return also the robot's final pose."""
     recorder = MemoryRecorder()
     plan = replace(PLAN, start=start, parameters=ProtocolParameters(max_actions=6))
@@ -74,7 +75,7 @@ def answering(answer: dict[str, Any]) -> Callable[[ServerConnection, dict[str, A
     return reply
 
 
-def assert_never_moved(result: tuple[EpisodeOutcome, MemoryRecorder, Pose]) -> None:
+def assert_never_moved(result: tuple[EpisodeEnd, MemoryRecorder, Pose]) -> None:
     outcome, recorder, pose = result
     assert outcome.verdict.end_reason is EndReason.MODEL_ERROR
     assert outcome.verdict.success is None

@@ -12,10 +12,11 @@ from vsnbench.models.task import Task
 from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.contract import Robot, Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
@@ -47,7 +48,7 @@ class Seeing(ScriptedPolicy):
 
 def run(
     robot: Robot, policy: ScriptedPolicy, *texts: str, parameters: ProtocolParameters | None = None
-) -> tuple[EpisodeOutcome, MemoryRecorder]:
+) -> tuple[EpisodeEnd, MemoryRecorder]:
     recorder = MemoryRecorder()
     plan = replace(
         PLAN,

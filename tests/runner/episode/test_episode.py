@@ -15,7 +15,8 @@ from tests.runner.stand_ins import APARTMENT, NOBODY, PLAN, PROFILE, ScriptedPol
 from vsnbench.errors import NotPlacedError, RecordError, RobotError, SensorLostError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import PlacementLook, Placing
@@ -37,7 +38,7 @@ class MemoryRecorder:
     steps: list[Step] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
     interventions: list[str] = field(default_factory=list)
-    outcome: EpisodeOutcome | None = None
+    outcome: EpisodeEnd | None = None
     on_step: Callable[[Step], None] = lambda _step: None
 
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
@@ -56,14 +57,14 @@ class MemoryRecorder:
     def intervention(self, what: str, author: str = "") -> None:
         self.interventions.append(what)
 
-    def end(self, outcome: EpisodeOutcome) -> None:
+    def end(self, outcome: EpisodeEnd) -> None:
         assert self.outcome is None
         self.outcome = outcome
 
 
 def run(
     robot: StandInRobot, script: list[Action | Exception], recorder: MemoryRecorder, plan: EpisodePlan = PLAN
-) -> EpisodeOutcome:
+) -> EpisodeEnd:
     with StopRequests() as stop:
         return run_episode(robot, ScriptedPolicy(script), plan, recorder, NOBODY, stop)
 

@@ -12,8 +12,9 @@ from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.contract import Watch
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runner.study.output_redaction import OutputRedaction, RedactedPolicy
 from vsnbench.values.action import Action
@@ -50,7 +51,7 @@ class Mover(StandInRobot):
         return MotionResult(completed=True, duration_s=2.0)
 
 
-def run(policy: Told, robot: StandInRobot, parameters: ProtocolParameters) -> EpisodeOutcome:
+def run(policy: Told, robot: StandInRobot, parameters: ProtocolParameters) -> EpisodeEnd:
     with StopRequests() as stop:
         return run_episode(robot, policy, replace(PLAN, parameters=parameters), MemoryRecorder(), NOBODY, stop)
 

@@ -20,7 +20,8 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.models.task import task_of
 from vsnbench.protocol.judge import EndReason
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping.requests import Stopped, StopRequests, of_signal
 from vsnbench.text.sanitize import LONGEST_LINE
@@ -52,7 +53,7 @@ class Answering(Policy):
         return self.answer(observation)  # type: ignore[no-any-return]
 
 
-def run(policy: Answering, robot: StandInRobot, recorder: MemoryRecorder) -> EpisodeOutcome:
+def run(policy: Answering, robot: StandInRobot, recorder: MemoryRecorder) -> EpisodeEnd:
     with StopRequests() as stop, process_exit_refused():
         return run_episode(robot, policy, PLAN, recorder, NOBODY, stop)
 

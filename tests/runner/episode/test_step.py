@@ -12,9 +12,10 @@ from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandI
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
@@ -43,7 +44,7 @@ class Scripted(Policy):
         return Decision(self._answers.pop(0) if self._answers else Action.STOP)
 
 
-def run(policy: Policy, max_actions: int = 20) -> tuple[EpisodeOutcome, MemoryRecorder]:
+def run(policy: Policy, max_actions: int = 20) -> tuple[EpisodeEnd, MemoryRecorder]:
     recorder = MemoryRecorder()
     plan = replace(PLAN, parameters=ProtocolParameters(max_actions=max_actions))
     with StopRequests() as stop, SimulatedRobot(plan.site, load_profile("turtlebot2")) as robot:

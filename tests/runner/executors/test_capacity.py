@@ -27,7 +27,7 @@ def prepared(
 ) -> Prepared:
     card = ModelCard("big", runs_on={"device": device})
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
-    described = SetupDescription(robot, frozenset(), {}, card, ModelCard("big"), ("chair",), sessions=sessions)
+    described = SetupDescription(robot, frozenset(), {}, card, ("chair",), sessions=sessions)
     return Prepared(described, bytes_each - RUNNING_BYTES, gpu)
 
 

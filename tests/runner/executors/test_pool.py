@@ -12,10 +12,10 @@ from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
-from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.pool import TrialPool
 from vsnbench.runner.loop.campaign import CampaignSource
@@ -30,8 +30,8 @@ from vsnbench.values.robot_identity import RobotIdentity
 
 SEED = 700
 DISTURBED = parse_disturbances(["blur=2"])
-DONE = EpisodeOutcome(Verdict(EndReason.STOP, False, "failed"), 3, None, 0.1)
-VOID = EpisodeOutcome(Verdict(EndReason.MODEL_ERROR, None, "void"), 0, None, 0.1, "act: no weights")
+DONE = EpisodeEnd(Verdict(EndReason.STOP, False, "failed"), 3, None, 0.1)
+VOID = EpisodeEnd(Verdict(EndReason.MODEL_ERROR, None, "void"), 0, None, 0.1, "act: no weights")
 
 
 class ScriptedPool(TrialPool):
@@ -39,7 +39,7 @@ class ScriptedPool(TrialPool):
 
     summary = "2 workers: scripted"
 
-    def __init__(self, script: Sequence[EpisodeOutcome | str]) -> None:
+    def __init__(self, script: Sequence[EpisodeEnd | str]) -> None:
         self._script = deque(script)
         self._at: deque[Trial] = deque()
         self.begun: list[int] = []
@@ -116,7 +116,7 @@ class Rig:
 def rig(tmp_path: Path) -> Iterator[Rig]:
     results = ResultsDirectory.locate(tmp_path, None)
     results.prepare()
-    trials = [PlannedTrial(PLAN.goal, number) for number in range(1, 9)]
+    trials = [Trial(PLAN.goal, number) for number in range(1, 9)]
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
     plan = CampaignPlan(PLAN.site, robot, ModelCard("scripted"), PLAN.parameters, 0, trials)
     with Journal.open(results.database_url) as journal:

@@ -15,7 +15,7 @@ from tests.cli.test_record_verbs import vsnbench
 from tests.results.records_of_a_lab import stopped
 from tests.web.page_session import PageSession, page_session
 from vsnbench.results.reading.queries import episode_record
-from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.runner.operator.contract import Display, EndedEpisode, Judgement
 from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
 from vsnbench.runner.operator.terminal import TerminalOperator
@@ -48,7 +48,7 @@ def ended(session: PageSession) -> EndedEpisode:
     assert session.prompts.state.upcoming is not None
     verdict = stopped(success=True).verdict
     assert verdict is not None
-    return EndedEpisode(1, session.prompts.state.upcoming.plan, EpisodeOutcome(verdict, 3, None, 1.0, proposed=True))
+    return EndedEpisode(1, session.prompts.state.upcoming.plan, EpisodeEnd(verdict, 3, None, 1.0, proposed=True))
 
 
 def outcome_of(judgement: Judgement | None, *, asked_back: bool) -> Outcome:

@@ -3,13 +3,13 @@
 import pytest
 
 from vsnbench.protocol.judge import EndReason, Verdict
-from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.runner.loop.follow_up import FollowUp, FollowUpRules, VoidLimit, strands_robot
 
 
-def ended(reason: EndReason, **fields: bool) -> EpisodeOutcome:
+def ended(reason: EndReason, **fields: bool) -> EpisodeEnd:
     success = False if reason.is_result else None
-    return EpisodeOutcome(Verdict(reason, success, "text"), 1, None, 0.1, "the error", **fields)
+    return EpisodeEnd(Verdict(reason, success, "text"), 1, None, 0.1, "the error", **fields)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from tests.runner.stand_ins import APARTMENT, PLAN, StandInRobot
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.profiles import load_profile
-from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.operator.contract import Display, EndedEpisode, Judgement
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.operator.prompts import OperatorPrompts
@@ -62,19 +62,19 @@ def placing_blind() -> Placing:
     return Placing(StandInRobot(sensors=frozenset({Sensor.RGB})), APARTMENT, START, 0, PARAMETERS, StopRequests())
 
 
-def judged_by(terminal: Terminal, outcome: EpisodeOutcome) -> Judgement | None:
+def judged_by(terminal: Terminal, outcome: EpisodeEnd) -> Judgement | None:
     judgement = operator_at(terminal).judge(EndedEpisode(12, PLAN_OF_31, outcome))
     assert not terminal.answers
     return judgement
 
 
-def stopped(distance_m: float = 1.4) -> EpisodeOutcome:
+def stopped(distance_m: float = 1.4) -> EpisodeEnd:
     distance = GoalDistance(distance_m, PoseSource.ESTIMATED, "office-chair")
-    return EpisodeOutcome(judge(EndReason.STOP, 31, distance, PARAMETERS), 31, None, 60.0, proposed=True)
+    return EpisodeEnd(judge(EndReason.STOP, 31, distance, PARAMETERS), 31, None, 60.0, proposed=True)
 
 
-def ended(reason: EndReason, actions: int) -> EpisodeOutcome:
-    return EpisodeOutcome(judge(reason, actions, None, PARAMETERS), actions, None, 60.0, proposed=True)
+def ended(reason: EndReason, actions: int) -> EpisodeEnd:
+    return EpisodeEnd(judge(reason, actions, None, PARAMETERS), actions, None, 60.0, proposed=True)
 
 
 def test_the_starting_position_is_shown_until_enter() -> None:

@@ -24,7 +24,7 @@ def settings_of(action_map: dict[Action, Action]) -> Any:
     policy = Scripted(kinds=DISCRETE)
     policy.card = replace(policy.card, action_map=action_map)
     setup = prepare_setup(TrialSetupSpec(PLAN.site, "scripted", ("chair",)), LoadedPolicy(policy), StandInRobot())
-    return setup.description.model.settings
+    return setup.description.card.settings
 
 
 def test_the_map_is_part_of_the_identity_and_a_card_without_one_keeps_its_own() -> None:

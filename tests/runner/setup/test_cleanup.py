@@ -11,7 +11,7 @@ from vsnbench.files.atomic import part_path
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -35,14 +35,14 @@ def test_uncommitted_images_and_incomplete_files_are_removed(tmp_path: Path, dea
         ModelCard("scripted"),
         PLAN.parameters,
         0,
-        [PlannedTrial(PLAN.goal, 1)],
+        [Trial(PLAN.goal, 1)],
     )
     with Journal.open(results.database_url) as journal:
         campaign = journal.find_or_create_campaign(plan)
         claim = journal.claim_next(campaign.id, [campaign.trials[0].id])
         assert claim is not None
         void = Verdict(EndReason.INTERRUPTED, None, "void")
-        journal.end_episode(claim.id, EpisodeEnd(EndReason.INTERRUPTED, 2, void))
+        journal.end_episode(claim.id, EpisodeEnd(void, 2))
         folder = results.episode_directory(claim.images_directory)
         other = results.path / "episodes" / "000099"
         kept = [rgb_path(folder, 1), rgb_path(folder, 2), depth_path(folder, 2), part_path(other / "episode.rrd")]

@@ -7,18 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsnbench.simulator.dynamics.odometry import WheelOdometry
-from vsnbench.simulator.dynamics.physics import RollingGeometry, WheelAngles
+from vsnbench.simulator.dynamics.physics import WheelAngles
 from vsnbench.values.pose import Pose
 
-GEOMETRY = RollingGeometry(radius_m=0.035, track_m=0.23)
+RADIUS_M, TRACK_M = 0.035, 0.23
 
 
 @settings(deadline=None)
 @given(st.floats(-2, 2), st.floats(-3, 3))
 def test_many_small_arcs_add_up_to_the_large_one(way_m: float, turn_rad: float) -> None:
-    odometry = WheelOdometry(GEOMETRY)
-    left_rad = (way_m - turn_rad * GEOMETRY.track_m / 2) / GEOMETRY.radius_m
-    right_rad = (way_m + turn_rad * GEOMETRY.track_m / 2) / GEOMETRY.radius_m
+    odometry = WheelOdometry(RADIUS_M, TRACK_M)
+    left_rad = (way_m - turn_rad * TRACK_M / 2) / RADIUS_M
+    right_rad = (way_m + turn_rad * TRACK_M / 2) / RADIUS_M
     slices = 400
     for k in range(1, slices + 1):
         odometry.update(WheelAngles(left_rad * k / slices, right_rad * k / slices))
@@ -29,7 +29,7 @@ def test_many_small_arcs_add_up_to_the_large_one(way_m: float, turn_rad: float) 
 
 
 def test_zeroing_forgets_the_way_but_not_what_the_encoders_read() -> None:
-    odometry = WheelOdometry(GEOMETRY)
+    odometry = WheelOdometry(RADIUS_M, TRACK_M)
     odometry.update(WheelAngles(10.0, 12.0))
     odometry.zero(WheelAngles(10.0, 12.0))
     assert odometry.pose == Pose(0.0, 0.0, 0.0)

@@ -148,7 +148,7 @@ def test_every_shape_is_felt_even_tilted(shape: Shape) -> None:
 def test_wheels_that_turn_against_a_wall_slip_and_odometry_believes_them() -> None:
     physics = base_in(scene_of(pillar(0.6, 0.0, 0.2)))
     physics.place(Pose(0.0, 0.0, 0.0))
-    odometry = WheelOdometry(physics.geometry)
+    odometry = WheelOdometry(physics.rolling_radius_m, physics.track_m)
     for _ in range(4 * SECOND):
         physics.drive(Command(linear_m_s=0.3))
         odometry.update(physics.wheel_angles)
@@ -203,7 +203,7 @@ def test_wheel_odometry_is_off_by_the_wheels_slip_only() -> None:
     physics = base_in(scene_of())
     start = Pose(1.0, -2.0, 2.5)
     physics.place(start)
-    odometry = WheelOdometry(physics.geometry)
+    odometry = WheelOdometry(physics.rolling_radius_m, physics.track_m)
     for period in range(20 * SECOND):  # 6 m of snaking
         physics.drive(Command(0.3, 0.5 * math.sin(period / 60)))
         odometry.update(physics.wheel_angles)

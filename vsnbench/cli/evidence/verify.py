@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, print_list
+from vsnbench.cli.support.listing import print_list
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.cli.support.terminal import page, safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -100,9 +101,9 @@ def _fields(found: "Verification") -> dict[str, Any]:
 
 def _print(found: "Verification") -> None:
     columns = (
-        ListColumn("check"),
-        ListColumn("items"),
-        *(ListColumn(heading, right=True) for heading in ("checked", "failed", "not checked")),
+        Column("check", number=False),
+        Column("items", number=False),
+        *(Column(heading) for heading in ("checked", "failed", "not checked")),
     )
     print_list(
         columns,

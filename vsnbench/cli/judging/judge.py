@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.options import Database, Results, options_under, results_directory
 from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
@@ -174,11 +175,11 @@ def _list_pending(place: "ResultsDirectory", *, as_json: bool) -> None:
         typer.echo("no episode awaits judgement", err=True)
         return
     columns = (
-        ListColumn("episode", right=True),
+        Column("episode"),
         name_column("model"),
-        ListColumn("goal"),
-        ListColumn("start", right=True),
-        ListColumn("ended (UTC)", rank=1),
+        Column("goal", number=False),
+        Column("start"),
+        Column("ended (UTC)", number=False, rank=1),
         prose_column("proposal"),
     )
     rows = []

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
 
 
-class Format(StrEnum):
+class CompareFormat(StrEnum):
     """Output formats on stdout."""
 
     TABLE = "table"
@@ -42,7 +42,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     site: Sites = None,
     robot: Robots = None,
     campaign: Campaigns = None,
-    form: Annotated[Format, typer.Option("--format", "-f", help="Output format on stdout.")] = Format.TABLE,
+    form: Annotated[
+        CompareFormat, typer.Option("--format", "-f", help="Output format on stdout.")
+    ] = CompareFormat.TABLE,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -92,7 +94,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     if place is not None:
         record = _with_courses(record, summaries, place)
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
-    form = Format.JSON if as_json else form
+    form = CompareFormat.JSON if as_json else form
     _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)
 
 
@@ -115,28 +117,21 @@ def _with_courses(
 
 
 def _print_comparisons(
-    form: Format,
+    form: CompareFormat,
     comparisons: "Sequence[Comparison]",
     ranking: "Ranking | None",
     summaries: "Sequence[ConditionSummary]",
     record: "ReportData",
 ) -> None:
     """Print comparisons as tables, or with the results of the models as one JSON object."""
-    from vsnbench.report.tables.comparison import comparison_fields, comparison_tables, ranking_fields, ranking_table
+    from vsnbench.report.tables.comparison import comparison_tables
+    from vsnbench.report.tables.ranking import ranking_table
 
-    if form is Format.JSON:
-        from vsnbench.report.analysis.summary import Results
-        from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
-        from vsnbench.report.formats.json import model_fields
-        from vsnbench.report.formats.sensitivity_json import sim_vs_real_fields
+    if form is CompareFormat.JSON:
+        from vsnbench.report.formats.json import COMPARED
 
-        content = {
-            "ranking": ranking_fields(ranking) if ranking else None,
-            "comparisons": [comparison_fields(comparison) for comparison in comparisons],
-            "models": [model_fields(summary, None, record) for summary in summaries],
-            "sim_vs_real": [sim_vs_real_fields(pair) for pair in sim_real_pairs(Results(tuple(summaries)))],
-        }
-        typer.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+        found = {"ranking": ranking, "comparisons": comparisons, "summaries": summaries, "record": record}
+        typer.echo(json.dumps(COMPARED.fields(found), indent=2, ensure_ascii=False, allow_nan=False))
         return
     tables = [ranking_table(ranking)] if ranking else []
     print_tables_as(form, [*tables, *(table for comparison in comparisons for table in comparison_tables(comparison))])

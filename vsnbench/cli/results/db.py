@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, print_list
+from vsnbench.cli.support.listing import print_list
 from vsnbench.cli.support.lists import split_numbers
 from vsnbench.cli.support.options import Database, Results, open_results, results_directory
 from vsnbench.cli.support.output import Json, confirm, print_json, print_result
 from vsnbench.cli.support.terminal import safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 from vsnbench.text.sanitize import counted
 
 if TYPE_CHECKING:
@@ -80,12 +81,12 @@ def status(results: Results = None, db: Database = None, as_json: Json = False) 
         return
     seeds = {campaign.seed for campaign in campaigns}
     columns = (
-        ListColumn("campaign", right=True),
-        ListColumn("name", min_width=44 if max(seeds) < _LONG_SEED else 32, wraps=True),
-        ListColumn("seed", right=True, rank=0 if len(seeds) > 1 else 3),
-        ListColumn("robot", rank=2),
-        ListColumn("trials done", right=True),
-        ListColumn("begun (UTC)", rank=1),
+        Column("campaign"),
+        Column("name", number=False, min_width=44 if max(seeds) < _LONG_SEED else 32, wraps=True),
+        Column("seed", rank=0 if len(seeds) > 1 else 3),
+        Column("robot", number=False, rank=2),
+        Column("trials done"),
+        Column("begun (UTC)", number=False, rank=1),
     )
     rows = [
         (

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list, prose_column
+from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
 from vsnbench.cli.support.terminal import page, safe
 from vsnbench.errors import UsageError
+from vsnbench.report.table import Column
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -103,16 +104,16 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
     has_tags = any(episode.tags for episode in episodes)
     is_disturbed = any(episode.disturbances for episode in episodes)
     columns = (
-        ListColumn("episode", right=True),
+        Column("episode"),
         name_column("model"),
         *([name_column("disturbed")] if is_disturbed else []),
-        ListColumn("goal"),
-        ListColumn("start", right=True),
-        ListColumn("result"),
-        ListColumn("actions", right=True, rank=1),
-        ListColumn("to goal", right=True, rank=2),
+        Column("goal", number=False),
+        Column("start"),
+        Column("result", number=False),
+        Column("actions", rank=1),
+        Column("to goal", rank=2),
         *([prose_column("tags")] if has_tags else []),
-        ListColumn("began (UTC)", rank=3),
+        Column("began (UTC)", number=False, rank=3),
     )
     rows = []
     for episode in episodes:

@@ -197,14 +197,14 @@ def _write_website(
     place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
 ) -> None:
     from vsnbench.cli.support.progress import ProgressBars
-    from vsnbench.web.results_browser.website import write_website
+    from vsnbench.web.results_browser.website import WEBSITE, write_website
 
     with ProgressBars() as progress:
         written = write_website(place, selection, directory, with_videos=with_videos, progress=progress.show)
     for problem in written.problems:
         logger.warning("%s: no video", problem)
     if as_json:
-        print_json({"directory": str(directory), **asdict(written)})
+        print_json(WEBSITE.fields({"directory": str(directory), **asdict(written)}))
         return
     typer.echo(f"{directory / 'index.html'}")
     sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")

@@ -13,13 +13,20 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.stress import StressedCampaigns, StressedModel, stressed_model
+from vsnbench.report.measures import COUNT, Measure, Measures, objects
 from vsnbench.report.table import print_tables
-from vsnbench.report.tables.stress import stress_fields, stress_table
+from vsnbench.report.tables.stress import STRESSED, stress_table
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.sweep import Sweep, Swept, undone
 
 _FORMATS = (".svg", ".pdf", ".png")
+STRESS = Measures(
+    Measure("trials_left", COUNT, "number of trials that the same command runs next time"),
+    Measure("campaigns_failed", COUNT, "number of campaigns that could not run"),
+    Measure("models", objects(STRESSED), "one object per model and site"),
+)
+"""The JSON object of a stress test."""
 
 
 def check_figure(path: Path | None) -> None:
@@ -63,7 +70,7 @@ def run_stress(
         write_atomic(figure, {".svg": drawing.svg, ".pdf": drawing.pdf, ".png": drawing.png}[figure.suffix]())
     left, failed = undone(swept)
     if as_json:
-        print_json({"trials_left": left, "campaigns_failed": failed, "models": stress_fields(models)})
+        print_json(STRESS.fields({"trials_left": left, "campaigns_failed": failed, "models": models}))
     else:
         print_tables([stress_table(model) for model in models], page())
         if examples := [trial for model in models for harm in model.most_harmful for trial in harm.examples]:

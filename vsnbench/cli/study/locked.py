@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsnbench.cli.support.listing import ListColumn, name_column, print_list
+from vsnbench.cli.support.listing import name_column, print_list
 from vsnbench.cli.support.options import Console, Database, Live, Results, Unattended, operator_page
 from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import page, safe
 from vsnbench.config import load_config
 from vsnbench.errors import StudyError, UsageError
+from vsnbench.report.table import Column
 
 if TYPE_CHECKING:
     from vsnbench.cli.study.file import OpenedStudy
@@ -119,7 +120,7 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
     typer.echo(f"trials    {done} of {len(trials)} done, {voids} void attempts")
     if interrupted := sum(trial.episode_id in lost for trial in trials):
         typer.echo(f"lost      {interrupted} to a process that died; the next `vsnbench study run` repeats them")
-    numbers = (ListColumn(heading, right=True) for heading in ("done", "left", "running", "void attempts"))
+    numbers = (Column(heading) for heading in ("done", "left", "running", "void attempts"))
     typer.echo()
     print_list((name_column("arm"), *numbers), [[safe(value) for value in line.values()] for line in arms])
     _print_warnings(study)

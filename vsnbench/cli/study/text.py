@@ -4,7 +4,9 @@ import re
 from collections.abc import Iterator, Sequence
 
 from vsnbench.errors import RecordError
-from vsnbench.report.table import Column, ReportTable, decimal, percent, row
+from vsnbench.report.measures import TEXT, TEXTS, Form, Measure, Measures, known, objects
+from vsnbench.report.study.pilot import PILOT
+from vsnbench.report.table import ReportTable, decimal, percent
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import LockedArm
@@ -61,13 +63,17 @@ def warnings_of(place: StudyPlace) -> Iterator[str]:
         )
 
 
-def power_table(place: StudyPlace, rate: float) -> ReportTable:
+def powers_of(place: StudyPlace, rate: float) -> Sequence[PlannedPower]:
     """Return the power of a design for several true differences."""
     study = place.study
     starts = len({trial.start for trial in place.schedule.trials})
-    design = design_of_study(study, starts, rate)
-    differences = tuple(sorted({*DIFFERENCES, study.difference}))
-    powers = planned_power(study, design, differences)
+    return planned_power(study, design_of_study(study, starts, rate), tuple(sorted({*DIFFERENCES, study.difference})))
+
+
+def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) -> ReportTable:
+    """Return the table of the power of a design."""
+    study = place.study
+    starts = len({trial.start for trial in place.schedule.trials})
     goals, repetitions = counted(len(study.goals), "goal"), counted(study.repetitions, "repetition")
     size = f"{counted(starts, 'starting position')}, {goals}, {repetitions}"
     level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
@@ -97,22 +103,55 @@ def power_table(place: StudyPlace, rate: float) -> ReportTable:
         )
     if fault := place.design_error:
         notes.append(f"This design cannot show a difference: {fault}.")
-    columns = (
-        Column("true difference %"),
-        Column("power %", note="Share of studies that name the better arm."),
-        Column("wrong %", note="Share of studies that name the worse arm, or any arm of two equal ones."),
-        Column("blocks run", note="Mean number of blocks; a block is every arm once on one cell and repetition."),
-    )
-    rows = tuple(
-        row(
-            percent(power.difference, 0),
-            percent(power.power, 0),
-            percent(power.wrong, 1),
-            decimal(power.blocks, 0),
-        )
-        for power in powers
-    )
-    return ReportTable("power", "Power of this design", columns, rows, tuple(notes))
+    return POWER.table("power", "Power of this design", powers, notes=tuple(notes))
+
+
+_POWER_NOTE = "Share of studies that name the better arm."
+_WRONG_NOTE = "Share of studies that name the worse arm, or any arm of two equal ones."
+_BLOCKS_NOTE = "Mean number of blocks; a block is every arm once on one cell and repetition."
+_WRONG = "simulated studies that name the worse arm, or any arm if the difference is 0, percent"
+
+
+def _percent(places: int) -> Form:
+    return Form({"type": "number"}, lambda share: percent(share, places), json=lambda share: known(100 * share))
+
+
+POWER = Measures(
+    Measure(
+        "difference_percent",
+        _percent(0),
+        "true difference of the success rates, percent",
+        "difference",
+        heading="true difference %",
+        note="",
+    ),
+    Measure(
+        "power_percent",
+        _percent(0),
+        "simulated studies that name the better arm, percent",
+        "power",
+        null="for a difference of 0",
+        heading="power %",
+        note=_POWER_NOTE,
+    ),
+    Measure("wrong_percent", _percent(1), _WRONG, "wrong", heading="wrong %", note=_WRONG_NOTE),
+    Measure(
+        "blocks",
+        Form({"type": "number"}, lambda blocks: decimal(blocks, 0)),
+        "mean number of blocks that a study runs",
+        heading="blocks run",
+        note=_BLOCKS_NOTE,
+    ),
+)
+"""Measures of a `PlannedPower`."""
+PLAN = Measures(
+    Measure("rate", Form({"type": "number"}), "assumed mean success rate"),
+    Measure("power", objects(POWER), "power by simulation, one object per difference"),
+    Measure("notes", TEXTS, "remarks, one sentence each"),
+    Measure("pace", TEXT, "estimated duration of the whole plan in words, or how to get an estimate"),
+    Measure("pilot", objects(PILOT), "recorded pairs of models in the study's cells", only_in="a study on progress"),
+)
+"""The JSON object of `study plan`."""
 
 
 def _stopping_notes(place: StudyPlace, planned: PlannedPower) -> Iterator[str]:

@@ -199,9 +199,8 @@ def plan(
 
     [bold]vsnbench study plan study.yaml --rate 0.6[/bold]
     """
-    from vsnbench.cli.study.pilot import pilot_fields, recorded_pairs
-    from vsnbench.cli.study.text import duration_line, power_table
-    from vsnbench.report.analysis.fields import finite
+    from vsnbench.cli.study.pilot import recorded_pairs
+    from vsnbench.cli.study.text import PLAN, duration_line, power_table, powers_of
     from vsnbench.report.study.pilot import pilot_table
     from vsnbench.report.table import print_tables
     from vsnbench.runner.study.arms import StudyPlace
@@ -209,16 +208,13 @@ def plan(
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
-    table, directory = power_table(place, rate), results_directory(results, db)
+    powers, directory = powers_of(place, rate), results_directory(results, db)
+    table = power_table(place, rate, powers)
     pace = duration_line(place, directory, seconds)
     pairs = recorded_pairs(place, directory)
     if as_json:
-        names = ("difference_percent", "power_percent", "wrong_percent", "blocks")
-        rows = [
-            {name: finite(float(cell.key)) for name, cell in zip(names, line.cells, strict=True)} for line in table.rows
-        ]
-        fields = {"rate": rate, "power": rows, "notes": list(table.notes), "pace": pace}
-        print_json(fields | ({"pilot": pilot_fields(pairs)} if study.of_progress else {}))
+        found = {"rate": rate, "power": powers, "notes": table.notes, "pace": pace}
+        print_json(PLAN.fields({**found, "pilot": pairs if study.of_progress else None}))
         return
     print_tables([table, *([pilot_table(pairs, study)] if pairs else [])], page())
     if study.of_progress and not pairs:

@@ -7,10 +7,10 @@ and files get everything.
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.cli.support.terminal import page
+from vsnbench.report.table import Column, dropped_first
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -19,32 +19,17 @@ _GAP = 2
 """Spaces between two columns."""
 
 
-@dataclass(frozen=True, slots=True)
-class ListColumn:
-    """A column of a list."""
-
-    heading: str
-    right: bool = False
-    """Whether the cells are right-aligned, as numbers are."""
-    min_width: int = 0
-    """Number of characters to which the column may be narrowed; 0 if it may not."""
-    wraps: bool = False
-    """Whether long cells wrap; otherwise they are cut."""
-    rank: int = 0
-    """If there is no room for all columns, those with the highest rank are dropped first; 0 is never dropped."""
-
-
-def name_column(heading: str, min_width: int = 16) -> ListColumn:
+def name_column(heading: str, min_width: int = 16) -> Column:
     """Return a column of names of any length."""
-    return ListColumn(heading, min_width=min_width)
+    return Column(heading, number=False, min_width=min_width)
 
 
-def prose_column(heading: str, rank: int = 0) -> ListColumn:
+def prose_column(heading: str, rank: int = 0) -> Column:
     """Return a column of sentences."""
-    return ListColumn(heading, min_width=24, wraps=True, rank=rank)
+    return Column(heading, number=False, min_width=24, wraps=True, rank=rank)
 
 
-def print_list(columns: Sequence[ListColumn], rows: Sequence[Sequence[str]]) -> None:
+def print_list(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
     """Print a list.
 
     Args:
@@ -65,7 +50,7 @@ def print_list(columns: Sequence[ListColumn], rows: Sequence[Sequence[str]]) -> 
         column = columns[place]
         table.add_column(
             column.heading,
-            justify="right" if column.right else "left",
+            justify="right" if column.number else "left",
             no_wrap=not column.wraps,
             overflow="fold" if column.wraps else "ellipsis",
             width=width,
@@ -87,7 +72,7 @@ def _cut(cell: "Text", width: int) -> "Text":
     return cell[: width - 1 - end] + "…" + cell[len(cell) - end :]
 
 
-def _fitted(columns: Sequence[ListColumn], longest: Sequence[int], room: int) -> Mapping[int, int]:
+def _fitted(columns: Sequence[Column], longest: Sequence[int], room: int) -> Mapping[int, int]:
     """Return the index of each column that is printed, with its width."""
     widths = {
         place: min(length, columns[place].min_width) if columns[place].min_width else length
@@ -97,11 +82,8 @@ def _fitted(columns: Sequence[ListColumn], longest: Sequence[int], room: int) ->
     def left() -> int:
         return room - sum(widths.values()) - _GAP * (len(widths) - 1)
 
-    while left() < 0:
-        place = max(widths, key=lambda place: (columns[place].rank, place))
-        if columns[place].rank == 0:
-            break
-        del widths[place]
+    while left() < 0 and (least := dropped_first(columns, widths)) is not None:
+        del widths[least]
     narrowed = sorted((place for place in widths if widths[place] < longest[place]), key=lambda place: longest[place])
     for number, place in enumerate(narrowed):
         share = max(left(), 0) // (len(narrowed) - number)

@@ -20,10 +20,11 @@ from vsnbench.protocol.disturbances import CURRENT_EDITION, EDITION
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.images import hash_images
 from vsnbench.results.writing.campaigns import model_sha256
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.steps import step_row
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import PlacementLook
@@ -184,7 +185,7 @@ class _Comparison:
     def intervention(self, what: str, author: str = "") -> None:
         """Ignore interventions."""
 
-    def end(self, outcome: EpisodeOutcome) -> None:
+    def end(self, outcome: EpisodeEnd) -> None:
         """Accept the end."""
 
     def step(self, step: Step) -> None:

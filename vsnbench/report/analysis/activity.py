@@ -1,7 +1,7 @@
 """Counts of the models' actions and of the robots' driving time, distance, failures and interventions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +9,7 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Selection, read_conditions
-from vsnbench.report.analysis.courses import CourseSummary
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
-from vsnbench.report.analysis.failures import Failures
-from vsnbench.report.analysis.judgements import Judgements
 from vsnbench.results.reading.read_model import COUNTS, RUNNING
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Robot, Step, Trial
@@ -32,56 +29,27 @@ FAILURES = (
 """End reasons that are failures of the system rather than of the policy or an operator's decision."""
 
 
-@dataclass(frozen=True, slots=True)
-class ActionCount:
-    """Number of steps of one condition with the same raw action, executed action and guard result."""
-
-    condition: int
-    raw_action: str
-    """Action as the model names it."""
-    action: str
-    """Action sent to the robot."""
-    blocked: bool
-    """The depth guard blocked the action: counted but not executed."""
-    steps: int
-
-
-@dataclass(frozen=True, slots=True)
-class RobotActivity:
-    """Activity of one robot over all attempts, including void ones (paper, Table 6)."""
-
-    robot: str
-    title: str
-    simulated: bool
-    episodes: int
-    driving_s: float
-    """Sum of the episodes' durations on the robot's clock."""
-    elapsed_s: float
-    """Time during which at least one process ran, from its first start to its last end."""
-    path_m: float
-    failures: int
-    collisions: int
-    interventions: int
-    """Actions of operators; 0 for simulated robots."""
-
-    @property
-    def failures_per_km(self) -> float:
-        """System failures per kilometre; NaN without distance."""
-        return self.failures / (self.path_m / 1000) if self.path_m > 0 else float("nan")
+Rows = Sequence[Mapping[str, Any]]
+_KEYS = ("condition", "raw_action", "action", "blocked", "steps")
 
 
 @dataclass(frozen=True, slots=True)
 class Activity:
-    """Counts of a report."""
+    """Counts of a report: rows of the measures in parentheses, by the measures' keys."""
 
-    actions: tuple[ActionCount, ...]
-    robots: tuple[RobotActivity, ...]
-    failures: tuple[Failures, ...] = ()
-    judgements: tuple[Judgements, ...] = ()
-    courses: tuple[CourseSummary, ...] = ()
+    actions: Rows
+    """Steps of a condition with the same raw action, executed action and guard result (`tables.activity.ACTIONS`)."""
+    robots: Rows
+    """All attempts of a robot, including void ones (`tables.activity.ROBOTS`; paper, Table 6)."""
+    failures: Rows = ()
+    """Causes of a condition's failures (`tables.failures.FAILURES`)."""
+    judgements: Rows = ()
+    """Operators' judgements of a condition (`tables.failures.JUDGEMENTS`)."""
+    courses: Rows = ()
+    """Courses of a condition (`tables.progress.COURSES`)."""
 
 
-def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...]:
+def read_actions(engine: Engine, selection: Selection) -> Rows:
     """Count the actions of the counted episodes."""
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, selection)
@@ -93,7 +61,7 @@ def read_actions(engine: Engine, selection: Selection) -> tuple[ActionCount, ...
         return _actions(connection, condition_of, trial_filter(selection, condition_of))
 
 
-def _actions(connection: Connection, condition_of: dict[int, int], trials: Sequence[Any]) -> tuple[ActionCount, ...]:
+def _actions(connection: Connection, condition_of: dict[int, int], trials: Sequence[Any]) -> Rows:
     # The offset makes the database evaluate once per episode whether it counts, instead of once per action.
     counted = (
         select(Episode.id, Trial.campaign_id)
@@ -120,10 +88,10 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
             continue
         key = (condition_of[campaign], raw_action, action, bool(blocked))
         sums[key] = sums.get(key, 0) + int(steps)
-    return tuple(ActionCount(*key, steps) for key, steps in sorted(sums.items()))
+    return tuple(dict(zip(_KEYS, (*key, steps), strict=True)) for key, steps in sorted(sums.items()))
 
 
-def read_robots(engine: Engine, record: ReportData) -> tuple[RobotActivity, ...]:
+def read_robots(engine: Engine, record: ReportData) -> Rows:
     """Return the activity of each robot of a record, in the order of the robots."""
     campaigns = [campaign for condition in record.conditions for campaign in condition.campaigns]
     with record_errors(engine), engine.connect() as connection:
@@ -161,21 +129,21 @@ def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]
     return {episode: times for episode, times in rows if episode is not None}
 
 
-def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFrame", helped: int) -> RobotActivity:
+def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFrame", helped: int) -> dict[str, Any]:
     sessions = rows.groupby("process")
     ends = rows["end_reason"]
-    return RobotActivity(
-        robot=name,
-        title=title,
-        simulated=simulated,
-        episodes=len(rows),
-        driving_s=_total(rows["duration_s"]),
-        elapsed_s=_waited_s(sessions["started_at"].min(), sessions["ended_at"].max()),
-        path_m=_total(rows["path_length_m"]),
-        failures=int(ends.isin([reason.value for reason in FAILURES]).sum()),
-        collisions=int((ends == EndReason.COLLISION.value).sum()),
-        interventions=helped,
-    )
+    return {
+        "robot": name,
+        "title": title,
+        "simulated": simulated,
+        "episodes": len(rows),
+        "driving_s": _total(rows["duration_s"]),
+        "elapsed_s": _waited_s(sessions["started_at"].min(), sessions["ended_at"].max()),
+        "path_m": _total(rows["path_m"]),
+        "failures": int(ends.isin([reason.value for reason in FAILURES]).sum()),
+        "collisions": int((ends == EndReason.COLLISION.value).sum()),
+        "interventions": helped,
+    }
 
 
 def _total(numbers: "pd.Series[float]") -> float:

@@ -11,6 +11,7 @@ from sqlalchemy import Engine, select
 from vsnbench.errors import SiteError
 from vsnbench.protocol.course import Approach, CourseMap, Stage
 from vsnbench.protocol.metrics import heading_change_deg_per_m
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.fields import quantity
@@ -52,22 +53,6 @@ class CourseMeasures:
     clearance_min_m: float | None = quantity("smallest distance from the base's edge to a solid of the site")
     clearance_p5_m: float | None = quantity("5th percentile of that distance over the path")
     heading_change_deg_per_m: float | None = quantity("change of heading in degrees per metre of path")
-
-
-@dataclass(frozen=True, slots=True)
-class CourseSummary:
-    """Measures of one condition's courses; means are NaN where nothing is known."""
-
-    condition: int
-    counted: int
-    examined: int
-    """Number of examined episodes, evenly sampled."""
-    stages: tuple[tuple[Stage, int], ...]
-    """Number of examined episodes by furthest stage, in order; episodes of unknown stage are in none."""
-    clearance_min_m: float
-    """Mean of the episodes' minimum clearances."""
-    clearance_p5_m: float
-    heading_change_deg_per_m: float
 
 
 def site_of(record: ReportData, condition: Condition) -> Site | None:
@@ -125,7 +110,7 @@ def measure_courses(
     record: ReportData,
     report: Callable[[int, int], object] = lambda _done, _of: None,
     examined: Examined | None = None,
-) -> tuple["pd.DataFrame", tuple[CourseSummary, ...]]:
+) -> tuple["pd.DataFrame", Rows]:
     """Measure the courses of the counted episodes, evenly sampled above `MAX_EXAMINED` in all.
 
     Args:
@@ -135,8 +120,8 @@ def measure_courses(
         examined: receives the examined episodes, for `read_failures`.
 
     Returns:
-        One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a summary of
-        each condition with counted episodes.
+        One row per examined episode with `episode`, `stage` and `MEASURES`, NaN or None if unknown; and a row of
+        `tables.progress.COURSES` for each condition with counted episodes.
     """
     import pandas as pd
 
@@ -156,7 +141,7 @@ def measure_courses(
             report(done, whole)
         found += own
         summaries.append(_summary(condition, counted, own))
-    return pd.DataFrame(found, columns=["episode", "stage", *MEASURES]), tuple(summaries)
+    return pd.DataFrame(found, columns=["episode", "stage", *MEASURES]), summaries
 
 
 def _measured(
@@ -164,7 +149,7 @@ def _measured(
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
     for row, course, approach in examine(engine, ground, rows, examined):
-        known = _measure(ground, course, approach, float(row["path_length_m"]), bool(row["success"]))
+        known = _measure(ground, course, approach, float(row["path_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 
@@ -190,15 +175,18 @@ def _measure(
     )
 
 
-def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> CourseSummary:
+def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
     stages = Counter(line[1] for line in lines)
-    means = []
-    for column in range(2, 2 + len(MEASURES)):
+    found: dict[str, Any] = {
+        "condition": condition.number,
+        "counted": counted,
+        "examined": len(lines),
+        "stages": {stage: stages[stage] for stage in Stage if stages[stage]},
+    }
+    for column, name in enumerate(MEASURES, start=2):
         known = [line[column] for line in lines if line[column] is not None]
-        means.append(math.fsum(known) / len(known) if known else math.nan)
-    return CourseSummary(
-        condition.number, counted, len(lines), tuple((stage, stages[stage]) for stage in Stage if stages[stage]), *means
-    )
+        found[f"mean_{name}"] = math.fsum(known) / len(known) if known else math.nan
+    return found
 
 
 def _approach(ground: CourseMap | None, goal: str, course: Course | None) -> Approach | None:

@@ -32,7 +32,7 @@ def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
 
 
 def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
-    shortest, path = frame["shortest_m"], frame["path_length_m"]
+    shortest, path = frame["shortest_m"], frame["path_m"]
     longest = shortest.where(shortest >= path, path)
     ratio = (shortest / longest.where(longest > 0)).where(longest > 0, 1.0)
     return ratio.where(shortest.notna() & path.notna())

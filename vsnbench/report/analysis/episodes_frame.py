@@ -5,6 +5,7 @@ A row takes about 200 bytes. Steps (10 million in a large record) stay in the da
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -15,20 +16,10 @@ from sqlalchemy.types import NullType
 
 from vsnbench.report.analysis.conditions import Condition, Selection, read_conditions
 from vsnbench.report.analysis.efficiency import add_times, progress_of, soft_spl_of, spl_of
+from vsnbench.results.fields import Field, Fields
 from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, site_contents
-from vsnbench.results.reading.read_model import (
-    COUNTED,
-    DISTANCE_M,
-    END_REASON,
-    GOAL_IN_SIGHT,
-    PART,
-    RUNNING,
-    SUCCESS,
-    SUPERSEDED,
-    UNJUDGED,
-    VOID,
-    episodes_of_trials,
-)
+from vsnbench.results.model import EPISODE
+from vsnbench.results.reading.read_model import COUNTED, RUNNING, SUPERSEDED, UNJUDGED, VOID, episodes_of_trials
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Episode, Trial
 from vsnbench.sites.categories import GOAL_CATEGORIES
@@ -40,36 +31,49 @@ Integers = NDArray[np.integer[Any]]
 Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_] | Integers | slice
 
-COLUMNS: dict[str, str] = {
-    "episode": "number of the episode",
+_OF_RECORD = Fields(
+    (
+        EPISODE["id"],
+        EPISODE["campaign_id"],
+        Field("process", int, "number of the process that ran it", (Episode.process_id,)),
+        Field(
+            "session",
+            int,
+            "number of the operator session; 0 without an operator",
+            (type_coerce(func.coalesce(Episode.session_id, 0), NullType()),),
+        ),
+        Field("trial", int, "number of the trial", (Trial.id,)),
+        *EPISODE.only("goal", "start", "repetition", "state", "end_reason", "success", "actions", "path_m"),
+        *EPISODE.only("shortest_m", "remaining_m", "distance_m", "goal_in_sight", "duration_s", "thinking_s"),
+        *EPISODE.only("wall_duration_s", "started_at", "ended_at", "images_directory"),
+    )
+)
+"""Quantities that are read from the database, in the order of the columns."""
+_COMPUTED = {
     "condition": "number of the condition, see `ReportData.conditions`",
-    "campaign": "number of the campaign",
-    "process": "number of the process that ran it",
-    "session": "number of the operator session; 0 without an operator",
-    "trial": "number of the trial",
-    "goal": "goal category",
-    "start": "number of the starting position",
-    "repetition": "from 1",
-    "state": "counted, unjudged, void, superseded or running",
-    "end_reason": "according to the current verdict; None while running",
     "success": "according to the current verdict; False without a verdict",
-    "actions": "actions of the policy, STOP and blocked ones included",
-    "path_length_m": "length of the driven path; NaN if unknown",
-    "shortest_m": "geodesic distance from the start to the goal; NaN if unknown",
-    "remaining_m": "geodesic distance from the end to the goal; NaN if unknown",
-    "distance_m": "distance to the goal according to the current verdict; NaN if unknown",
-    "goal_in_sight": "whether an instance was in sight at the end; True if the protocol does not require it",
-    "duration_s": "on the robot's clock; NaN if unknown",
     "thinking_s": "wall time of the model's inference, on a real robot; NaN in simulation and if unknown",
-    "wall_duration_s": "wall time; NaN if unknown",
-    "progress": "share of the shortest path that was covered, 0 to 1; NaN if a length is unknown",
+    "progress": EPISODE["progress"].description("NaN"),
     "spl": "success weighted by path length: 0 for a failure, NaN for a success of unknown length",
     "soft_spl": "SPL with progress instead of success; NaN if a length is unknown",
     "sct": "success weighted by completion time: 0 for a failure, NaN for a success of unknown time",
-    "started_at": "aware, UTC",
-    "ended_at": "aware, UTC; NaT while running",
-    "images_directory": "relative to the results directory; empty for none",
 }
+"""Columns that the report computes, or whose values it completes."""
+_ORDER = (
+    *("episode", "condition", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
+    *("end_reason", "success", "actions", "path_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
+    *("duration_s", "thinking_s", "wall_duration_s", "progress", "spl", "soft_spl", "sct", "started_at", "ended_at"),
+    "images_directory",
+)
+
+
+def _meanings() -> dict[str, str]:
+    nothing = {float: "NaN", datetime: "NaT"}
+    found = {one.heading: one.description(nothing.get(one.base, "None")) for one in _OF_RECORD} | _COMPUTED
+    return {name: found[name] for name in _ORDER}
+
+
+COLUMNS = _meanings()
 """Columns of `ReportData.episodes` with their meaning."""
 
 
@@ -167,7 +171,7 @@ def empty_report_data() -> ReportData:
     """Return an empty record, for published results without episodes."""
     import pandas as pd
 
-    episodes = _whole(_typed(dict.fromkeys(_READ, ())), {}).assign(sct=[])[list(COLUMNS)]
+    episodes = _whole(_typed([()] * len(_OF_RECORD.names)), {}).assign(sct=[])[list(COLUMNS)]
     return ReportData((), episodes, pd.DataFrame(columns=["condition", "goal", "start", "trials"]))
 
 
@@ -207,42 +211,14 @@ def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any
 
 
 def episodes_query() -> Select[Any]:
-    """Select every episode with its trial and current verdict, ordered by number."""
-    return episodes_of_trials(
-        Episode.id,
-        Trial.campaign_id,
-        Episode.process_id,
-        type_coerce(func.coalesce(Episode.session_id, 0), NullType()),
-        Trial.id,
-        Trial.goal,
-        Trial.start,
-        Trial.repetition,
-        PART,
-        END_REASON,
-        type_coerce(func.coalesce(SUCCESS, False), NullType()),
-        Episode.actions,
-        Episode.path_length_m,
-        Episode.geodesic_start_m,
-        Episode.geodesic_end_m,
-        DISTANCE_M,
-        type_coerce(GOAL_IN_SIGHT, NullType()),
-        Episode.duration_s,
-        Episode.wall_duration_s,
-        Episode.thinking_s,
-        # Untyped, because pandas converts 200,000 times at once and SQLAlchemy converts them one by one.
-        type_coerce(Episode.started_at, NullType()),
-        type_coerce(Episode.ended_at, NullType()),
-        Episode.images_directory,
-    ).order_by(Episode.id)
+    """Select the quantities of `_OF_RECORD` of every episode, ordered by number."""
+    # Truths and times are untyped: numpy and pandas convert them at once, SQLAlchemy one by one.
+    columns = (
+        type_coerce(one.sql[0], NullType()) if one.base in (bool, datetime) else one.sql[0] for one in _OF_RECORD
+    )
+    return episodes_of_trials(*columns).order_by(Episode.id)
 
 
-_READ = (
-    *("episode", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
-    *("end_reason", "success", "actions"),
-    *("path_length_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
-    *("duration_s", "wall_duration_s", "thinking_s", "started_at", "ended_at", "images_directory"),
-)
-"""Columns of `episodes_query`, in the same order."""
 _BATCH = 200
 """Rows alive at a time: the garbage collector traverses all of them repeatedly."""
 _PART = 20_000
@@ -255,14 +231,14 @@ def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[i
     query = episodes_query().where(*trial_filter(chosen, condition_of))
     found = connection.execution_options(yield_per=_BATCH).execute(query)
     parts: list[pd.DataFrame] = []
-    columns: list[list[Any]] = [[] for _ in _READ]
+    columns: list[list[Any]] = [[] for _ in _OF_RECORD]
     for rows in found.partitions():
         for column, values in zip(columns, zip(*rows, strict=True), strict=True):
             column.extend(values)
         if len(columns[0]) >= _PART:
-            parts.append(_typed(dict(zip(_READ, columns, strict=True))))
-            columns = [[] for _ in _READ]
-    parts.append(_typed(dict(zip(_READ, columns, strict=True))))
+            parts.append(_typed(columns))
+            columns = [[] for _ in _OF_RECORD]
+    parts.append(_typed(columns))
     frame = pd.concat(parts, ignore_index=True)
     return _whole(frame, condition_of)
 
@@ -281,21 +257,19 @@ def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFr
     return frame
 
 
-def _typed(columns: Mapping[str, Sequence[Any]]) -> "pd.DataFrame":
-    """Convert the driver's values to the types of `COLUMNS`, column by column for speed."""
+def _typed(columns: Sequence[Sequence[Any]]) -> "pd.DataFrame":
+    """Convert the driver's values of `_OF_RECORD` to the types of a DataFrame, column by column for speed."""
     import pandas as pd
 
     typed: dict[str, Any] = {}
-    for name, values in columns.items():
-        if name in ("episode", "campaign", "process", "session", "trial", "start", "repetition", "actions"):
-            typed[name] = np.array(values, np.int64)
-        elif name.endswith(("_m", "_s")):
+    for one, values in zip(_OF_RECORD, columns, strict=True):
+        if one.base is float:
             numbers = np.array(values, np.float64)
-            typed[name] = np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities
-        elif name.endswith("_at"):
-            typed[name] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
+            typed[one.heading] = np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities
+        elif one.base is datetime:
+            typed[one.heading] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
         else:
-            typed[name] = np.array(values, bool if name in ("success", "goal_in_sight") else object)
+            typed[one.heading] = np.array(values, {int: np.int64, bool: bool}.get(one.base, object))
     return pd.DataFrame(typed)
 
 

@@ -13,6 +13,7 @@ from sqlalchemy import Engine
 
 from vsnbench.protocol.course import Approach
 from vsnbench.protocol.judge import EndReason
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.courses import Course, Examined, course_map, examine
 from vsnbench.report.analysis.episodes_frame import ReportData
@@ -69,29 +70,8 @@ class FailurePlace:
     episodes: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Failures:
-    """Causes of the failures of one condition."""
-
-    condition: int
-    failed: int
-    kinds: tuple[tuple[FailureKind, int], ...]
-    """Number of examined failures of each kind."""
-    never_in_view: int | None
-    """Examined failures in which the goal was never in view; None if the poses are unknown."""
-    touched: tuple[tuple[str, int], ...]
-    """Objects collided with, most frequent first."""
-    places: tuple[FailurePlace, ...] = ()
-    """Most frequent first."""
-
-    @property
-    def examined(self) -> int:
-        """Number of examined failures."""
-        return sum(number for _, number in self.kinds)
-
-
-def read_failures(engine: Engine, record: ReportData, examined: Examined | None = None) -> tuple[Failures, ...]:
-    """Classify the failures of every condition.
+def read_failures(engine: Engine, record: ReportData, examined: Examined | None = None) -> Rows:
+    """Classify the failures of every condition with some, as rows of `tables.failures.FAILURES`.
 
     An instance is in view if it is within the camera's field of view and no wall is in between. Furniture does not
     block the view.
@@ -121,16 +101,17 @@ def read_failures(engine: Engine, record: ReportData, examined: Examined | None 
                 touched[course.touched] += 1
         kinds = Counter(failure.kind for failure in failures)
         found.append(
-            Failures(
-                condition=condition.number,
-                failed=len(rows),
-                kinds=tuple((kind, kinds[kind]) for kind in FailureKind if kinds[kind]),
-                never_in_view=unseen if known else None,
-                touched=tuple(touched.most_common(5)),
-                places=failure_places(failures),
-            )
+            {
+                "condition": condition.number,
+                "failed": len(rows),
+                "examined": len(failures),
+                "kinds": {kind: kinds[kind] for kind in FailureKind if kinds[kind]},
+                "never_in_view": unseen if known else None,
+                "touched": dict(touched.most_common(5)),
+                "places": failure_places(failures),
+            }
         )
-    return tuple(found)
+    return found
 
 
 def failure_kinds(engine: Engine, record: ReportData, known: Collection[int] = ()) -> Iterator[tuple[int, FailureKind]]:

@@ -1,19 +1,17 @@
 """Operators and their sessions: judgements, overruled verdicts and interventions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Engine, select
 
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.cell_counts import outcomes_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.judgements import latest_judgements
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import Event, Robot, Session
 from vsnbench.results.writing.entries import INTERVENTION
-from vsnbench.statistics.clustered import Outcomes
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.permutation import Stratum, stratified_permutation
 from vsnbench.statistics.rates import Proportion
@@ -22,51 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorSession:
-    """A session of one operator with one robot."""
-
-    number: int
-    operator: str
-    robot: str
-    began_at: datetime
-    ended_at: datetime
-    """End of the last episode if the session is open or its end was not recorded."""
-    outcomes: Outcomes
-    """Outcomes of the counted trials."""
-    attempts: int
-    interventions: int
-
-    @property
-    def hours(self) -> float:
-        """Duration in hours."""
-        return max(0.0, (self.ended_at - self.began_at).total_seconds()) / 3600
-
-
-@dataclass(frozen=True, slots=True)
-class Operator:
-    """Activity of one operator."""
-
-    name: str
-    sessions: int
-    hours: float
-    """Total duration of the sessions."""
-    judged: Outcomes
-    """Outcomes of the counted trials that this operator judged."""
-    overruled: int
-    """Judged trials in which the protocol's verdict was different."""
-    interventions: int
-    p: float | None
-    """p-value of no association between success and the judging operator, stratified by model and goal, corrected for
-    the number of operators; None without another operator."""
-
-
-@dataclass(frozen=True, slots=True)
-class OperatorActivity:
-    """Sessions in chronological order, and operators by name."""
-
-    sessions: tuple[OperatorSession, ...]
-    operators: tuple[Operator, ...]
+OperatorActivity = Mapping[str, Rows]
+"""`sessions` in chronological order, and `operators` by name, as rows of the measures in `tables.operators`."""
 
 
 def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivity | None:
@@ -88,7 +43,7 @@ def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivi
     counted = record.counted()
     judges = counted["episode"].map(judged_by)
     names = (
-        {session.operator for session in sessions}
+        {session["operator"] for session in sessions}
         | set(judges.dropna())
         | {author for _, author in interventions if author}
     )
@@ -99,35 +54,40 @@ def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivi
     asked = [p for p in found if p is not None]
     # With two operators both tests are the same.
     corrected = iter(asked if len(asked) <= 2 else holm(asked))
-    operators = tuple(
-        Operator(
-            name=name,
-            sessions=sum(session.operator == name for session in sessions),
-            hours=sum(session.hours for session in sessions if session.operator == name),
-            judged=outcomes_of(counted[judges == name]),
-            overruled=sum(overruled.get(number, False) for number in counted.loc[judges == name, "episode"].tolist()),
-            interventions=sum(author == name for _, author in interventions),
-            p=None if p is None else next(corrected),
+    operators = []
+    for name, p in zip(ordered, found, strict=True):
+        own = [session for session in sessions if session["operator"] == name]
+        mine = counted[judges == name]
+        operators.append(
+            {
+                "name": name,
+                "sessions": len(own),
+                "hours": sum(session["hours"] for session in own),
+                "judged": outcomes_of(mine),
+                "overruled": sum(overruled.get(number, False) for number in mine["episode"].tolist()),
+                "interventions": sum(author == name for _, author in interventions),
+                "p": None if p is None else next(corrected),
+            }
         )
-        for name, p in zip(ordered, found, strict=True)
-    )
-    return OperatorActivity(sessions, operators)
+    return {"sessions": sessions, "operators": operators}
 
 
-def _session(record: ReportData, row: Any, interventions: int) -> OperatorSession:
+def _session(record: ReportData, row: Any, interventions: int) -> dict[str, Any]:
     mine = record.episodes[record.episodes["session"] == row.id]
     counted = record.counted()
     last = mine["ended_at"].max()
-    return OperatorSession(
-        number=row.id,
-        operator=row.operator,
-        robot=row.title,
-        began_at=row.began_at,
-        ended_at=row.ended_at or (last.to_pydatetime() if last == last else row.began_at),
-        outcomes=outcomes_of(counted[counted["session"] == row.id]),
-        attempts=len(mine),
-        interventions=interventions,
-    )
+    ended_at = row.ended_at or (last.to_pydatetime() if last == last else row.began_at)
+    return {
+        "session": row.id,
+        "operator": row.operator,
+        "robot": row.title,
+        "began_at": row.began_at,
+        "ended_at": ended_at,
+        "hours": max(0.0, (ended_at - row.began_at).total_seconds()) / 3600,
+        "outcomes": outcomes_of(counted[counted["session"] == row.id]),
+        "attempts": len(mine),
+        "interventions": interventions,
+    }
 
 
 def _judged(engine: Engine) -> tuple[Mapping[int, str], Mapping[int, bool]]:

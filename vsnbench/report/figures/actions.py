@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from vsnbench.report.analysis.activity import ActionCount
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,
     INK,
@@ -29,15 +29,15 @@ _LOOKS: tuple[dict[str, Any], ...] = (
     {"label": "executed", "facecolor": "white", "edgecolor": COLORS[1], "hatch": "////"},
 )
 
-_Panel = tuple[ConditionSummary, Sequence[ActionCount]]
+_Panel = tuple[ConditionSummary, Rows]
 
 
-def action_histogram(results: Results, actions: Sequence[ActionCount]) -> Iterator[Drawing]:
+def action_histogram(results: ReportResults, actions: Rows) -> Iterator[Drawing]:
     """Draw one panel per condition with the chosen and the executed actions; nothing without actions."""
     panels = [
         (summary, mine)
         for summary in results.conditions
-        if (mine := [usage for usage in actions if usage.condition == summary.condition.number])
+        if (mine := [usage for usage in actions if usage["condition"] == summary.condition.number])
     ]
     return in_pages(panels, MAX_PANELS, _drawing)
 
@@ -87,20 +87,20 @@ def _drawing(panels: Sequence[_Panel]) -> Drawing:
     )
 
 
-def _counts(mine: Sequence[ActionCount]) -> tuple[Counter[str], Counter[str]]:
+def _counts(mine: Rows) -> tuple[Counter[str], Counter[str]]:
     raw: Counter[str] = Counter()
     executed: Counter[str] = Counter()
     for usage in mine:
-        raw[usage.raw_action] += usage.steps
-        executed["blocked" if usage.blocked else usage.action] += usage.steps
+        raw[usage["raw_action"]] += usage["steps"]
+        executed["blocked" if usage["blocked"] else usage["action"]] += usage["steps"]
     return raw, executed
 
 
-def _names(mine: Sequence[ActionCount]) -> list[str]:
+def _names(mine: Rows) -> list[str]:
     """Return the actions of robots in their order, then the model's own, then the blocked ones."""
-    seen = {usage.raw_action for usage in mine} | {usage.action for usage in mine if not usage.blocked}
+    seen = {usage["raw_action"] for usage in mine} | {usage["action"] for usage in mine if not usage["blocked"]}
     known = [action.value for action in Action if action.value in seen and action not in TILTS]
-    blocked = ["blocked"] if any(usage.blocked for usage in mine) else []
+    blocked = ["blocked"] if any(usage["blocked"] for usage in mine) else []
     return [*known, *sorted(seen - set(known)), *blocked]
 
 

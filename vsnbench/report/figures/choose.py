@@ -143,9 +143,9 @@ def _histograms(report: Report) -> Iterator[Drawing]:
         yield from action_histogram(report.results, report.activity.actions)
         yield from stage_bars(report.results, report.activity.courses)
         yield from failure_maps(
-            (*placed[failures.condition], failures.places)
+            (*placed[failures["condition"]], failures["places"])
             for failures in report.activity.failures
-            if failures.condition in placed
+            if failures["condition"] in placed
         )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vsnbench.report.analysis.conditions import Condition, footnotes, kinds_note
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,
     DASHES,
@@ -31,7 +31,7 @@ _MOST_POINTS = 2000
 """Maximum number of points of a curve."""
 
 
-def outcomes_over_actions(record: ReportData, results: Results) -> Iterator[Drawing]:
+def outcomes_over_actions(record: ReportData, results: ReportResults) -> Iterator[Drawing]:
     """Draw the cumulative incidence of success and failure over the number of actions.
 
     Success and failure are competing events: a survival curve would rate a model that collides early like one that
@@ -134,10 +134,10 @@ def mileage(record: ReportData) -> Drawing | None:
     curves = []
     for (title, simulated), numbers in robots.items():
         rows = record.episodes[record.episodes["condition"].isin(numbers)]
-        rows = rows[rows["path_length_m"].notna() & rows["duration_s"].notna()].sort_values("started_at")
-        if rows["path_length_m"].sum() > 0:
+        rows = rows[rows["path_m"].notna() & rows["duration_s"].notna()].sort_values("started_at")
+        if rows["path_m"].sum() > 0:
             hours = np.cumsum(rows["duration_s"].to_numpy()) / 3600
-            kilometres = np.cumsum(rows["path_length_m"].to_numpy()) / 1000
+            kilometres = np.cumsum(rows["path_m"].to_numpy()) / 1000
             keep = np.unique(np.linspace(0, len(hours) - 1, _MOST_POINTS).astype(int))
             curves.append((f"{title}, {'simulated' if simulated else 'real'}", hours[keep], kilometres[keep]))
     if not curves:

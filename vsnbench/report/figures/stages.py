@@ -1,12 +1,13 @@
 """Furthest stage of the episodes, one bar per condition."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from vsnbench.protocol.course import Stage
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.courses import CourseSummary
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import INK, SUCCESS, Drawing, in_pages, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
 from vsnbench.report.tables.success import SUMMARY
@@ -27,12 +28,12 @@ _LABELS = {
     Stage.REACHED: "reached",
     Stage.STOPPED: "stopped there (success)",
 }
-_Bar = tuple[ConditionSummary, CourseSummary]
+_Bar = tuple[ConditionSummary, Mapping[str, Any]]
 
 
-def stage_bars(results: Results, courses: Sequence[CourseSummary]) -> Iterator[Drawing]:
+def stage_bars(results: ReportResults, courses: Rows) -> Iterator[Drawing]:
     """Draw the share of each furthest stage with the mean progress; nothing without known stages."""
-    known = {course.condition: course for course in courses if course.stages}
+    known = {course["condition"]: course for course in courses if course["stages"]}
     bars = [(summary, known[n]) for summary in results.conditions if (n := summary.condition.number) in known]
     return in_pages(bars, MAX_BARS, _drawing)
 
@@ -44,8 +45,8 @@ def _drawing(bars: Sequence[_Bar]) -> Drawing:
         figure = new_figure(page_in(), 0.75 + 0.24 * len(bars))
         axes = figure.subplots()
         for place, (summary, course) in enumerate(bars):
-            whole, left = sum(times for _, times in course.stages), 0.0
-            for stage, times in course.stages:
+            whole, left = sum(times for _, times in course["stages"].items()), 0.0
+            for stage, times in course["stages"].items():
                 color, hatch = _LOOKS[stage]
                 width = 100 * times / whole
                 axes.barh(place, width, left=left, height=0.62, color=color, hatch=hatch, edgecolor=INK, linewidth=0.4)
@@ -59,7 +60,8 @@ def _drawing(bars: Sequence[_Bar]) -> Drawing:
         samples = [Patch(facecolor=c, hatch=h, edgecolor=INK, linewidth=0.4) for c, h in _LOOKS.values()]
         legend_below(figure, samples, list(_LABELS.values()))
     words = "; ".join(
-        f"{shown(summary.condition.name)}: {', '.join(f'{_LABELS[stage]} {times}' for stage, times in course.stages)}"
+        f"{shown(summary.condition.name)}: "
+        + ", ".join(f"{_LABELS[stage]} {times}" for stage, times in course["stages"].items())
         for summary, course in bars
     )
     return Drawing(

@@ -1,72 +1,209 @@
 """The whole report as one JSON object: rates from 0 to 1, null if unknown."""
 
 import json
-import math
-from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from vsnbench.report.analysis.activity import Activity, RobotActivity
-from vsnbench.report.analysis.courses import CourseSummary
+from vsnbench.report.analysis.activity import Activity, Rows
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.failures import Failures
-from vsnbench.report.analysis.fields import condition_fields
-from vsnbench.report.analysis.judgements import Judgements, RaterAgreement
 from vsnbench.report.analysis.operators import OperatorActivity
-from vsnbench.report.analysis.published import published
-from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.comparison.question import Question
+from vsnbench.report.analysis.published import Published, published
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
+from vsnbench.report.comparison.question import ModelQuestion
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
-from vsnbench.report.formats.sensitivity_json import (
-    course_fields,
-    failure_fields,
-    judgement_fields,
-    sensitivity_fields,
-    sim_vs_real_fields,
+from vsnbench.report.measures import (
+    ANYTHING,
+    NUMBERS,
+    TEXT,
+    TEXTS,
+    Form,
+    Measure,
+    Measures,
+    an_object,
+    objects,
 )
-from vsnbench.report.tables.activity import ENDS, end_counts
-from vsnbench.report.tables.comparison import comparison_fields, ranking_fields
-from vsnbench.report.tables.operators import operator_fields
-from vsnbench.report.tables.second_judgements import second_judgement_fields
+from vsnbench.report.tables import operators
+from vsnbench.report.tables.activity import ACTIONS, ENDS, ROBOTS, end_counts
+from vsnbench.report.tables.comparison import COMPARISON
+from vsnbench.report.tables.conditions import CONDITION
+from vsnbench.report.tables.failures import FAILURES, JUDGEMENTS
+from vsnbench.report.tables.progress import COURSES
+from vsnbench.report.tables.question import QUESTION
+from vsnbench.report.tables.ranking import RANKING
+from vsnbench.report.tables.second_judgements import RATERS
+from vsnbench.report.tables.sensitivity import SENSITIVITY
+from vsnbench.report.tables.sim_vs_real import SIM_VS_REAL
 from vsnbench.report.tables.success import GROUP
 
-_Counts = TypeVar("_Counts", Failures, Judgements, CourseSummary)
+
+@dataclass(frozen=True, slots=True)
+class ModelRow:
+    """A condition with what is known of it."""
+
+    summary: ConditionSummary
+    activity: Activity | None = None
+    record: ReportData | None = None
+
+    def counted(self, name: str) -> Rows | None:
+        """Return the condition's rows of `Activity`; None without activity and for published results."""
+        if self.activity is None or self.summary.condition.published:
+            return None
+        return [row for row in getattr(self.activity, name) if row["condition"] == self.summary.condition.number]
+
+    def only(self, name: str) -> Mapping[str, Any] | None:
+        """Return the condition's row of `Activity`; None without one."""
+        return next(iter(self.counted(name) or ()), None)
+
+    @property
+    def part(self) -> tuple[ReportData, ConditionSummary] | None:
+        """The episodes of the condition, for the sensitivity analyses; None for published results."""
+        return (self.record, self.summary) if self.record and not self.summary.condition.published else None
+
+
+_DIFFERING = "settings that differ from other conditions of the same model, as `name=value`"
+_CIRCUMSTANCES = "recorded circumstances such as noise and disturbances; keys depend on the robot"
+_UNLESS = "for published results, and in `compare`"
+_RULES = "success rate under other rules and in parts of the episodes"
+_STATED = Measures(
+    *CONDITION,
+    Measure("campaigns", NUMBERS, "numbers of the pooled campaigns"),
+    Measure("seeds", NUMBERS, "seeds of the campaigns, in the same order"),
+    Measure("differing", TEXTS, _DIFFERING),
+    Measure("settings", ANYTHING, "recorded settings of the model; keys depend on the model"),
+    Measure("protocol", ANYTHING, "recorded parameters of the protocol; empty for a published result"),
+    Measure("conditions", ANYTHING, _CIRCUMSTANCES),
+)
+_GROUPS = Measures(
+    Measure("goals", objects(GROUP), "one summary per goal"),
+    Measure("goal_kinds", objects(GROUP), "one summary per kind of goal; empty if all are of one kind", "kinds"),
+    Measure("total", an_object(GROUP), "summary over all goals"),
+    Measure("shared_goals", TEXTS, "goals that all comparable conditions share"),
+    Measure(
+        "total_shared_goals",
+        an_object(GROUP),
+        "summary over the shared goals",
+        "shared",
+        null="if it equals `total`",
+    ),
+    Measure("starts", objects(GROUP), "one summary per starting position"),
+    Measure("end_reasons", objects(ENDS), "numbers of episodes, one object per end reason", end_counts),
+)
+MODEL = Measures.shared(
+    "condition",
+    *_STATED.within("summary.condition"),
+    *_GROUPS.within("summary"),
+    Measure(
+        "actions",
+        objects(ACTIONS),
+        "actions of the counted episodes",
+        lambda row: row.counted("actions"),
+        null=_UNLESS,
+    ),
+    Measure("sensitivity", an_object(SENSITIVITY), _RULES, "part", null="for published results"),
+    Measure(
+        "failures",
+        an_object(FAILURES),
+        "failed episodes by cause",
+        lambda row: row.only("failures"),
+        null=f"without failures, {_UNLESS}",
+    ),
+    Measure(
+        "judgements",
+        an_object(JUDGEMENTS),
+        "judgements of operators",
+        lambda row: row.only("judgements"),
+        null=f"without any, {_UNLESS}",
+    ),
+    Measure(
+        "courses",
+        an_object(COURSES),
+        "stages and driven paths",
+        lambda row: row.only("courses"),
+        null=f"without counted episodes, {_UNLESS}",
+    ),
+)
+"""The JSON object of a condition, from a `ModelRow`."""
+_PLAIN = Form({"type": "number"})
+_PUBLISHED_ROBOT = Measures(
+    Measure("robot", TEXT, "name of the robot"),
+    Measure("hours", _PLAIN, "driving time of the robot in hours"),
+    Measure("kilometres", _PLAIN, "length of its paths in kilometres"),
+)
+_PUBLISHED = Measures(
+    Measure("source", TEXT, "reference of the paper"),
+    Measure("robots", objects(_PUBLISHED_ROBOT), "one object per robot", "stability"),
+    Measure("hours", _PLAIN, "driving time of all robots in hours"),
+    Measure("kilometres", _PLAIN, "length of all paths in kilometres"),
+)
+_ONE = "with one operator in one session"
+REPORT = Measures(
+    Measure("confidence", _PLAIN, "level of all intervals", lambda _: 0.95),
+    Measure(
+        "interval", TEXT, "method of the intervals of the success rates", lambda row: _interval_name(row["results"])
+    ),
+    Measure("models", objects(MODEL), "one object per condition"),
+    Measure("questions", objects(QUESTION), "comparisons, one object per robot, site and protocol"),
+    Measure(
+        "sim_vs_real",
+        objects(SIM_VS_REAL),
+        "real compared with simulated",
+        lambda row: sim_real_pairs(row["results"]),
+    ),
+    Measure("stability", objects(ROBOTS), "driving of each robot, over all episodes, void ones included"),
+    Measure(
+        "published_stability",
+        an_object(_PUBLISHED),
+        "driving in the paper",
+        lambda row: _paper(row["results"]),
+        null="without --reference",
+    ),
+    Measure("operator_activity", an_object(operators.ACTIVITY), "operators and sessions", null=_ONE),
+    Measure("second_judgements", objects(RATERS), "agreement of second raters with the verdicts, one object per rater"),
+)
+"""The JSON object of a report."""
+
+
+COMPARED = Measures(
+    Measure("ranking", an_object(RANKING), "all models at once", null="with fewer than three"),
+    Measure("comparisons", objects(COMPARISON), "pairs of conditions"),
+    Measure(
+        "models",
+        objects(MODEL),
+        "one object per condition",
+        lambda row: [ModelRow(summary, record=row["record"]) for summary in row["summaries"]],
+    ),
+    Measure(
+        "sim_vs_real",
+        objects(SIM_VS_REAL),
+        "real compared with simulated",
+        lambda row: sim_real_pairs(ReportResults(tuple(row["summaries"]))),
+    ),
+)
+"""The JSON object of `vsnbench compare`."""
 
 
 def to_json(
-    results: Results,
-    questions: Sequence[Question] = (),
+    results: ReportResults,
+    questions: Sequence[ModelQuestion] = (),
     activity: Activity | None = None,
     record: ReportData | None = None,
     operator_activity: OperatorActivity | None = None,
-    raters: Sequence[RaterAgreement] = (),
+    raters: Rows = (),
 ) -> str:
-    """Return the results as one JSON object.
-
-    `models`: each condition with its settings, protocol, campaigns, seeds, `goals`, `goal_kinds` (totals; empty with
-    one kind), `total`, `starts`, `end_reasons`, `actions`, `sensitivity`, `failures`, `judgements` and `courses`;
-    `questions`: comparisons and rankings; `sim_vs_real`: real against simulated results; `stability`: driving time and
-    distance of each robot; `published_stability`: that of the paper, null unless its models are included;
-    `operator_activity`: operators and sessions, null with one operator in one session; `second_judgements`: agreement
-    of each rater.
-    """
-    content = {
-        "confidence": 0.95,
-        "interval": _interval_name(results),
-        "models": [model_fields(summary, activity, record) for summary in results.conditions],
-        "questions": [_question(question) for question in questions],
-        "sim_vs_real": [sim_vs_real_fields(pair) for pair in sim_real_pairs(results)],
-        "stability": [_robot(robot) for robot in activity.robots] if activity else None,
-        "published_stability": _published_stability()
-        if any(summary.condition.published for summary in results.conditions)
-        else None,
-        "operator_activity": operator_fields(operator_activity),
-        "second_judgements": second_judgement_fields(raters),
+    """Return the results as one JSON object, as `REPORT` and docs/schemas/report.json describe it."""
+    row = {
+        "results": results,
+        "models": [ModelRow(summary, activity, record) for summary in results.conditions],
+        "questions": questions,
+        "stability": activity.robots if activity else None,
+        "operator_activity": operator_activity,
+        "second_judgements": raters,
     }
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(REPORT.fields(row), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _interval_name(results: Results) -> str:
+def _interval_name(results: ReportResults) -> str:
     """Return the method of the intervals."""
     published = {summary.condition.published for summary in results.conditions}
     if published == {True}:
@@ -75,75 +212,5 @@ def _interval_name(results: Results) -> str:
     return f"{clustered}; wilson for published rows" if True in published else clustered
 
 
-def model_fields(summary: ConditionSummary, activity: Activity | None, record: ReportData | None) -> dict[str, Any]:
-    """Return one condition as JSON values.
-
-    Args:
-        summary: statistics of the condition.
-        activity: actions, failures and judgements; null if None.
-        record: the episodes, for the sensitivity analyses.
-    """
-    condition, number = summary.condition, summary.condition.number
-    counts = None if condition.published else activity
-    return {
-        **condition_fields(condition),
-        "campaigns": list(condition.campaigns),
-        "seeds": list(condition.seeds),
-        "differing": list(condition.differing),
-        "settings": known(dict(condition.settings)),
-        "protocol": known(dict(condition.protocol)),
-        "conditions": known(dict(condition.conditions)),
-        "goals": [GROUP.fields(group) for group in summary.goals],
-        "goal_kinds": [GROUP.fields(group) for group in summary.kinds],
-        "total": GROUP.fields(summary.total),
-        "shared_goals": list(summary.shared_goals),
-        "total_shared_goals": GROUP.fields(summary.shared) if summary.shared else None,
-        "starts": [GROUP.fields(group) for group in summary.starts],
-        "end_reasons": [ENDS.fields(row) for row in end_counts(summary)],
-        "actions": [
-            {"raw_action": usage.raw_action, "action": usage.action, "blocked": usage.blocked, "steps": usage.steps}
-            for usage in counts.actions
-            if usage.condition == number
-        ]
-        if counts
-        else None,
-        "sensitivity": sensitivity_fields(record, summary) if record and not condition.published else None,
-        "failures": failure_fields(_of_condition(number, counts.failures)) if counts else None,
-        "judgements": judgement_fields(_of_condition(number, counts.judgements)) if counts else None,
-        "courses": course_fields(_of_condition(number, counts.courses)) if counts else None,
-    }
-
-
-def _of_condition(number: int, counts: Sequence[_Counts]) -> _Counts | None:
-    return next((found for found in counts if found.condition == number), None)
-
-
-def _question(question: Question) -> dict[str, Any]:
-    return {
-        "where": question.where,
-        "members": [summary.condition.name for summary in question.members],
-        "answers": list(question.answers),
-        "not_compared": list(question.not_compared),
-        "ranking": ranking_fields(question.ranking) if question.ranking else None,
-        "comparisons": [comparison_fields(comparison) for comparison in question.comparisons],
-    }
-
-
-def _published_stability() -> dict[str, Any]:
-    paper = published()
-    robots = [robot.model_dump() for robot in paper.stability]
-    return {"source": paper.source, "robots": robots, "hours": paper.hours, "kilometres": paper.kilometres}
-
-
-def _robot(robot: RobotActivity) -> dict[str, Any]:
-    fields: dict[str, Any] = known({**asdict(robot), "failures_per_km": robot.failures_per_km})
-    return fields
-
-
-def known(value: Any) -> Any:
-    """Return a recorded value with null for numbers that JSON cannot represent."""
-    if isinstance(value, dict):
-        return {name: known(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [known(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _paper(results: ReportResults) -> Published | None:
+    return published() if any(summary.condition.published for summary in results.conditions) else None

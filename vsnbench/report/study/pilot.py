@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.table import Column, ReportTable, decimal, percent, row
+from vsnbench.report.measures import COUNT, NUMBER, TEXT, Form, Measure, Measures, an_object, decimals, percents
+from vsnbench.report.table import ReportTable
 from vsnbench.study.file import StudyFile
 from vsnbench.study.power import decided_studies, pairs_of, unit_differences
 
@@ -146,36 +147,59 @@ def _needed_starts(study: StudyFile, by_start: Floats) -> float:
     return max(2.0, math.ceil((reach * spread / effect) ** 2))
 
 
+_SHARE = "share of simulated studies that name the better model"
+_COST = Measures(
+    Measure("metric", TEXT, "`success` or `progress`"),
+    Measure("difference", Form({"type": "number"}), "mean over the shared cells, first minus second"),
+    Measure("found", NUMBER, _SHARE, null="for `stopping: plan`"),
+    Measure("blocks", NUMBER, "mean number of blocks", null="if no number suffices"),
+)
+PILOT = Measures(
+    Measure("first", TEXT, "name of the first condition"),
+    Measure("second", TEXT, "name of the second condition"),
+    Measure("cells", COUNT, "number of shared cells"),
+    Measure("success", an_object(_COST), "a study on success alone"),
+    Measure("progress", an_object(_COST), "a study on progress"),
+    Measure("saved", NUMBER, "blocks that progress saves"),
+)
+"""The JSON object of a `PilotPair`."""
+
+
 def pilot_table(pairs: Sequence[PilotPair], study: StudyFile) -> ReportTable:
     """Return the table of what success and progress cost."""
     decided = study.stopping == "decided"
     needed = "blocks run" if decided else f"blocks for {study.power:.0%} power"
-    rows = [
-        row(
-            f"{pair.first} – {pair.second}",
-            pair.cells,
-            cost.metric,
-            percent(cost.difference, 1),
-            *([percent(cost.found, 0)] if cost.found is not None else []),
-            decimal(cost.blocks, 0),
-            decimal(pair.saved if cost is pair.progress else math.nan, 0),
-        )
-        for pair in pairs
-        for cost in (pair.success, pair.progress)
-    ]
-    columns = (
-        Column("recorded models", number=False),
-        Column("cells", note="shared cells of the study's goals"),
-        Column("metric", number=False),
-        Column("difference %"),
-        *([Column("finds the better %")] if decided else []),
-        Column(needed, note="a block is every arm once on one cell and repetition"),
-        Column("blocks saved", note="against success alone; negative if progress needs more"),
+    measures = Measures(
+        Measure("", TEXT, of=lambda row: f"{row[0].first} – {row[0].second}", heading="recorded models"),
+        Measure("", COUNT, "shared cells of the study's goals", lambda row: row[0].cells, heading="cells"),
+        Measure("", TEXT, of=lambda row: row[1].metric, heading="metric"),
+        Measure("", percents(1), of=lambda row: row[1].difference, heading="difference %"),
+        *([Measure("", percents(0), of=lambda row: row[1].found, heading="finds the better %")] if decided else []),
+        Measure(
+            "",
+            decimals(0),
+            "a block is every arm once on one cell and repetition",
+            lambda row: row[1].blocks,
+            heading=needed,
+        ),
+        Measure(
+            "",
+            decimals(0),
+            "against success alone; negative if progress needs more",
+            _saved,
+            heading="blocks saved",
+        ),
     )
+    rows = [(pair, cost) for pair in pairs for cost in (pair.success, pair.progress)]
     how = (
         f"{SAMPLES} studies of this design, with starting positions and episodes drawn from the record."
         if decided
         else "Normal approximation for the mean difference of starting positions."
     )
     notes = (how, "The recorded difference is taken as the true one, which is optimistic for both metrics.")
-    return ReportTable("pilot", "Success and progress on the record's own episodes", columns, tuple(rows), notes)
+    return measures.table("pilot", "Success and progress on the record's own episodes", rows, notes=notes)
+
+
+def _saved(row: tuple[PilotPair, MetricCost]) -> float:
+    pair, cost = row
+    return pair.saved if cost is pair.progress else math.nan

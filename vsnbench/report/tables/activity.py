@@ -1,21 +1,21 @@
 """Tables of end reasons, goals' definitions, robots' stability and models' actions."""
 
-from collections.abc import Mapping, Sequence
-from operator import itemgetter
+import math
+from collections.abc import Mapping
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.report.analysis.activity import ActionCount, RobotActivity
+from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
-from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.measures import COUNT, TEXT, Measure, Measures, percents
-from vsnbench.report.table import Column, ReportTable, Row, decimal, percent, row
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
+from vsnbench.report.measures import COUNT, FLAG, TEXT, Measure, Measures, decimals, percents
+from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
 from vsnbench.results.writing.imports import IMPORTED
 
 
-def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> ReportTable | None:
+def definition_table(goals: Mapping[str, RecordedGoal], results: ReportResults) -> ReportTable | None:
     """Return the definitions of the goals that are not categories; None if there is none."""
     used = sorted({goal for summary in results.conditions for goal in summary.own_goals if goal in goals})
     if not used:
@@ -36,17 +36,15 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> Rep
 
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 _END_REASON = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
-MODEL = Measure("", TEXT, of=itemgetter("model"), heading="model")
+MODEL = Measure("", TEXT, of="model", heading="model")
 """First column of tables with several conditions."""
 ENDS = Measures(
-    (
-        MODEL,
-        Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
-        Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
-        Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
-        Measure("", percents(), of=itemgetter("share"), heading="% of counted", rank=1),
-        Measure("", TEXT, of=itemgetter("kind"), heading="kind"),
-    )
+    MODEL,
+    Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
+    Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
+    Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
+    Measure("", percents(), of="share", heading="% of counted", rank=1),
+    Measure("", TEXT, of="kind", heading="kind"),
 )
 
 
@@ -68,93 +66,109 @@ def end_counts(summary: ConditionSummary) -> list[dict[str, Any]]:
     return rows
 
 
-def end_reason_table(results: Results) -> ReportTable:
+def end_reason_table(results: ReportResults) -> ReportTable:
     """Return the number of episodes by end reason and condition."""
     names = footnotes([summary.condition for summary in results.conditions])
     rows = [row for summary in results.conditions for row in end_counts(summary)]
     return ENDS.table("ends", "How episodes ended", rows, footnotes=names)
 
 
-def stability_table(robots: Sequence[RobotActivity]) -> ReportTable:
+def _robot(row: Mapping[str, Any]) -> str:
+    return str(row.get("label") or f"{row['title'] or row['robot']}, {'simulated' if row['simulated'] else 'real'}")
+
+
+def _failures_per_km(row: Mapping[str, Any]) -> float:
+    return float(row["failures"] / (row["path_m"] / 1000)) if row["path_m"] > 0 else math.nan
+
+
+_ALL = "all attempts, including void ones"
+_DRIVING, _ELAPSED = "sum of the durations on the robot's clock", "time during which at least one process ran"
+_SESSIONS = "from the first start to the last end of each session, hours"
+_FAILED = "failed motion, lost sensor, model error, dead process"
+_HELPED = "operator actions on a real robot, except placing it"
+_HOURS, _KM = decimals(2, unit=3600), decimals(2, unit=1000)
+ROBOTS = Measures(
+    Measure("robot", TEXT, "name of the robot profile"),
+    Measure("title", TEXT, "the robot's name for people"),
+    Measure("simulated", FLAG, "the robot is simulated"),
+    Measure("", TEXT, of=_robot, heading="robot"),
+    Measure("episodes", COUNT, "number of episodes", heading="episodes", note=_ALL),
+    Measure(
+        "driving_s",
+        _HOURS,
+        _DRIVING,
+        heading="driving h",
+        note="sum of the episodes' durations on the robot's clock, hours",
+    ),
+    Measure("elapsed_s", _HOURS, _ELAPSED, heading="elapsed h", note=_SESSIONS, rank=2),
+    Measure("path_m", _KM, "length of the driven paths", heading="km", note=""),
+    Measure(
+        "failures",
+        COUNT,
+        "episodes that ended with a failure of the system",
+        heading="failures",
+        note=_FAILED,
+        rank=1,
+    ),
+    Measure("collisions", COUNT, "episodes that ended with a collision", heading="collisions", note="", rank=1),
+    Measure(
+        "interventions",
+        COUNT,
+        "interventions of operators; 0 for simulated robots",
+        heading="interventions",
+        note=_HELPED,
+        rank=1,
+    ),
+    Measure(
+        "failures_per_km",
+        decimals(2),
+        "`failures` per kilometre",
+        _failures_per_km,
+        null="without a path",
+        heading="failures/km",
+        note="",
+    ),
+).in_columns(
+    *("robot", "driving h", "elapsed h", "km", "episodes", "interventions", "collisions", "failures", "failures/km")
+)
+
+
+def stability_table(robots: Rows) -> ReportTable:
     """Return driving time, distance and failures of each robot (paper, Table 6)."""
-    rows = [
-        _stability_row(f"{robot.title or robot.robot}, {'simulated' if robot.simulated else 'real'}", robot)
-        for robot in robots
-    ]
+    rows = [ROBOTS.row(robot) for robot in robots]
     if len(robots) > 1:
-        rows.append(_stability_row("all", *robots, total=True))
-    return ReportTable(
-        name="stability",
-        title="Stability",
-        columns=(
-            Column("robot", number=False),
-            Column("driving h", note="sum of the episodes' durations on the robot's clock, hours"),
-            Column("elapsed h", rank=2, note="from the first start to the last end of each session, hours"),
-            Column("km"),
-            Column("episodes", note="all attempts, including void ones"),
-            Column("interventions", rank=1, note="operator actions on a real robot, except placing it"),
-            Column("collisions", rank=1),
-            Column("failures", rank=1, note="failed motion, lost sensor, model error, dead process"),
-            Column("failures/km"),
-        ),
-        rows=tuple(rows),
-        notes=(
-            "All attempts, including void ones.",
-            *(
-                ["Simulated robots: hours of simulated time, which can exceed the elapsed time."]
-                if any(robot.simulated for robot in robots)
-                else []
-            ),
-        ),
-    )
+        summed = ("driving_s", "elapsed_s", "path_m", "episodes", "interventions", "collisions", "failures")
+        total = {name: sum(robot[name] for robot in robots) for name in summed}
+        rows.append(ROBOTS.row({"label": "all", **total}, total=True))
+    notes = ["All attempts, including void ones."]
+    if any(robot["simulated"] for robot in robots):
+        notes.append("Simulated robots: hours of simulated time, which can exceed the elapsed time.")
+    return ReportTable("stability", "Stability", ROBOTS.columns, tuple(rows), tuple(notes))
 
 
-def _stability_row(name: str, *robots: RobotActivity, total: bool = False) -> Row:
-    metres, failures = sum(robot.path_m for robot in robots), sum(robot.failures for robot in robots)
-    return row(
-        name,
-        decimal(sum(robot.driving_s for robot in robots) / 3600, 2),
-        decimal(sum(robot.elapsed_s for robot in robots) / 3600, 2),
-        decimal(metres / 1000, 2),
-        sum(robot.episodes for robot in robots),
-        sum(robot.interventions for robot in robots),
-        sum(robot.collisions for robot in robots),
-        failures,
-        decimal(failures / metres * 1000 if metres > 0 else float("nan"), 2),
-        total=total,
-    )
+def _executed(row: Mapping[str, Any]) -> str:
+    return "blocked by the depth guard" if row["blocked"] else str(row["action"])
 
 
-def action_table(results: Results, actions: Sequence[ActionCount]) -> ReportTable:
+ACTIONS = Measures(
+    MODEL,
+    Measure("raw_action", TEXT, "action as the model named it", heading="model's action", note=""),
+    Measure("action", TEXT, "action that the robot received"),
+    Measure("blocked", FLAG, "the depth guard prevented the action"),
+    Measure("", TEXT, of=_executed, heading="executed"),
+    Measure("steps", COUNT, "number of steps", heading="steps", note=""),
+    Measure("", percents(), of="share", heading="%"),
+)
+
+
+def action_table(results: ReportResults, actions: Rows) -> ReportTable:
     """Return how often each action was chosen and what was executed (paper, Figure 9)."""
-    rows = []
-    for summary in results.conditions:
-        mine = [usage for usage in actions if usage.condition == summary.condition.number]
-        whole = sum(usage.steps for usage in mine)
-        rows += [
-            row(
-                summary.condition.name,
-                usage.raw_action,
-                "blocked by the depth guard" if usage.blocked else usage.action,
-                usage.steps,
-                percent(usage.steps / whole),
-            )
-            for usage in sorted(mine, key=lambda usage: (-usage.steps, usage.raw_action))
-        ]
-    return ReportTable(
-        name="actions",
-        title="Actions by model",
-        columns=(
-            Column("model", number=False),
-            Column("model's action", number=False),
-            Column("executed", number=False),
-            Column("steps"),
-            Column("%"),
-        ),
-        rows=tuple(rows),
-        notes=(
-            "Counted episodes only.",
-            *filter(None, [kinds_note(summary.condition for summary in results.conditions)]),
-        ),
-        footnotes=footnotes([summary.condition for summary in results.conditions]),
-    )
+    conditions = [summary.condition for summary in results.conditions]
+    rows: list[Mapping[str, Any]] = []
+    for condition in conditions:
+        mine = [usage for usage in actions if usage["condition"] == condition.number]
+        whole = sum(usage["steps"] for usage in mine)
+        ordered = sorted(mine, key=lambda usage: (-usage["steps"], usage["raw_action"]))
+        rows += [{**usage, "model": condition.name, "share": usage["steps"] / whole} for usage in ordered]
+    notes = ("Counted episodes only.", *filter(None, [kinds_note(conditions)]))
+    return ACTIONS.table("actions", "Actions by model", rows, notes=notes, footnotes=footnotes(conditions))

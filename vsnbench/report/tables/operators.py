@@ -1,119 +1,116 @@
-"""Operators and sessions as tables and JSON values.
+"""Operators and sessions.
 
 The most important columns come first, because a phone shows four.
 """
 
-import math
+from collections.abc import Mapping
 from typing import Any
 
-from vsnbench.report.analysis.fields import finite, interval_fields
 from vsnbench.report.analysis.operators import OperatorActivity
-from vsnbench.report.table import Column, ReportTable, decimal, of, p_cell, percent, rate_cells, row
+from vsnbench.report.measures import (
+    COUNT,
+    RATIO,
+    TEXT,
+    Form,
+    Measure,
+    Measures,
+    P,
+    intervals,
+    objects,
+    percents,
+)
+from vsnbench.report.table import ReportTable, TableCell, decimal
 from vsnbench.statistics.clustered import rate_interval
+from vsnbench.statistics.rates import Proportion
+
+
+def _judged(operator: Mapping[str, Any]) -> Proportion:
+    proportion: Proportion = operator["judged"].proportion
+    return proportion
+
+
+def _of_session(session: Mapping[str, Any]) -> Proportion:
+    proportion: Proportion = session["outcomes"].proportion
+    return proportion
+
+
+_HOURS = Form({"type": "number"}, lambda hours: decimal(hours, 2))
+_P = "p-value of no association between success and operator"
+_P_NOTE = "of no association between success and operator, stratified by model and goal"
+_K_OF_N = "successes of the counted trials that this operator judged"
+OPERATORS = Measures(
+    Measure("name", TEXT, "name of the operator", heading="operator", note=""),
+    Measure("sessions", COUNT, "number of sessions", heading="sessions", note="", rank=2),
+    Measure("hours", _HOURS, "duration of the sessions in hours", heading="hours", note="", rank=3),
+    Measure("judged", COUNT, "counted episodes that the operator judged", lambda row: _judged(row).trials),
+    Measure("successes", COUNT, "successes among them", lambda row: _judged(row).successes),
+    Measure("", RATIO, _K_OF_N, lambda row: (_judged(row).successes, _judged(row).trials), heading="judged k/n"),
+    Measure(
+        "success_rate",
+        percents(1),
+        "share of successes",
+        lambda row: _judged(row).rate,
+        null="without episodes",
+        heading="SR %",
+        note="",
+        rank=1,
+    ),
+    Measure(
+        "ci",
+        intervals(1),
+        "its 95 % interval",
+        lambda row: rate_interval(row["judged"]),
+        heading="95 % interval",
+        note="",
+        rank=4,
+    ),
+    Measure("overruled", COUNT, "verdicts that differ from the protocol's estimate", heading="overruled"),
+    Measure("interventions", COUNT, "the operator's interventions", heading="interventions", note=""),
+    Measure("p", P, _P, heading="p", note=_P_NOTE),
+).in_columns(
+    *("operator", "judged k/n", "SR %", "95 % interval", "p", "overruled", "interventions", "sessions", "hours")
+)
+_BEGAN = Form({"type": "string"}, lambda at: TableCell(f"{at:%Y-%m-%d %H:%M}"), number=False)
+SESSIONS = Measures(
+    Measure("session", COUNT, "number of the session", heading="session", note=""),
+    Measure("operator", TEXT, "name of the operator", heading="operator", note=""),
+    Measure("robot", TEXT, "name of the robot profile", heading="robot", note="", rank=3),
+    Measure("began_at", _BEGAN, "time of the beginning", heading="began (UTC)", note=""),
+    Measure("ended_at", TEXT, "time of the end, or of the last activity"),
+    Measure("attempts", COUNT, "number of episodes, void ones included", heading="attempts", note="", rank=2),
+    Measure("episodes", COUNT, "number of counted episodes", lambda row: _of_session(row).trials),
+    Measure("successes", COUNT, "successes among the counted episodes", lambda row: _of_session(row).successes),
+    Measure(
+        "interventions",
+        COUNT,
+        "the operator's interventions in the session",
+        heading="interventions",
+        note="",
+        rank=1,
+    ),
+    Measure("", RATIO, of=lambda row: (_of_session(row).successes, _of_session(row).trials), heading="k/n"),
+    Measure("", percents(1), of=lambda row: _of_session(row).rate, heading="SR %"),
+    Measure("", _HOURS, of="hours", heading="hours"),
+).in_columns(*("session", "operator", "k/n", "SR %", "interventions", "began (UTC)", "hours", "attempts", "robot"))
+ACTIVITY = Measures(
+    Measure("operators", objects(OPERATORS), "one object per operator"),
+    Measure("sessions", objects(SESSIONS), "one object per session"),
+)
+"""The JSON object of operators and sessions."""
 
 
 def operator_table(operator_activity: OperatorActivity) -> ReportTable:
     """Return the table of operators: judged trials, successes, overruled estimates, interventions."""
-    return ReportTable(
-        name="operators",
-        title="Operators",
-        columns=(
-            Column("operator", number=False),
-            Column("judged k/n", note="successes of the counted trials that this operator judged"),
-            Column("SR %", rank=1),
-            Column("95 % interval", rank=4),
-            Column("p", note="of no association between success and operator, stratified by model and goal"),
-            Column("overruled", note="verdicts that differ from the protocol's estimate"),
-            Column("interventions"),
-            Column("sessions", rank=2),
-            Column("hours", rank=3),
-        ),
-        rows=tuple(
-            row(
-                operator.name,
-                *rate_cells(operator.judged.proportion, rate_interval(operator.judged), 1),
-                p_cell(math.nan if operator.p is None else operator.p),
-                operator.overruled,
-                operator.interventions,
-                operator.sessions,
-                decimal(operator.hours, 2),
-            )
-            for operator in operator_activity.operators
-        ),
-        notes=(
-            "p: this operator against the others, stratified by model and goal, exact"
-            + (", Holm-corrected for the number of operators." if len(operator_activity.operators) > 2 else "."),
-            "Operators were not assigned at random: a small p shows that days or operators differ, not who was wrong.",
-        ),
+    operators = operator_activity["operators"]
+    corrected = ", Holm-corrected for the number of operators." if len(operators) > 2 else "."
+    notes = (
+        f"p: this operator against the others, stratified by model and goal, exact{corrected}",
+        "Operators were not assigned at random: a small p shows that days or operators differ, not who was wrong.",
     )
+    return OPERATORS.table("operators", "Operators", operators, notes=notes)
 
 
 def session_table(operator_activity: OperatorActivity) -> ReportTable:
     """Return the table of sessions."""
-    return ReportTable(
-        name="sessions",
-        title="Sessions",
-        columns=(
-            Column("session"),
-            Column("operator", number=False),
-            Column("k/n"),
-            Column("SR %"),
-            Column("interventions", rank=1),
-            Column("began (UTC)", number=False),
-            Column("hours"),
-            Column("attempts", rank=2),
-            Column("robot", number=False, rank=3),
-        ),
-        rows=tuple(
-            row(
-                session.number,
-                session.operator,
-                of(session.outcomes.proportion.successes, session.outcomes.proportion.trials),
-                percent(session.outcomes.proportion.rate, 1),
-                session.interventions,
-                f"{session.began_at:%Y-%m-%d %H:%M}",
-                decimal(session.hours, 2),
-                session.attempts,
-                session.robot,
-            )
-            for session in operator_activity.sessions
-        ),
-        notes=("One operator with one robot; k successes in n counted trials.",),
-    )
-
-
-def operator_fields(operator_activity: OperatorActivity | None) -> dict[str, Any] | None:
-    """Return the operators and sessions as JSON values; null with one operator in one session."""
-    if operator_activity is None:
-        return None
-    return {
-        "operators": [
-            {
-                "name": operator.name,
-                "sessions": operator.sessions,
-                "hours": operator.hours,
-                "judged": operator.judged.proportion.trials,
-                "successes": operator.judged.proportion.successes,
-                "success_rate": finite(operator.judged.proportion.rate),
-                **interval_fields(rate_interval(operator.judged)),
-                "overruled": operator.overruled,
-                "interventions": operator.interventions,
-                "p": operator.p,
-            }
-            for operator in operator_activity.operators
-        ],
-        "sessions": [
-            {
-                "session": session.number,
-                "operator": session.operator,
-                "robot": session.robot,
-                "began_at": session.began_at.isoformat(),
-                "ended_at": session.ended_at.isoformat(),
-                "attempts": session.attempts,
-                "episodes": session.outcomes.proportion.trials,
-                "successes": session.outcomes.proportion.successes,
-                "interventions": session.interventions,
-            }
-            for session in operator_activity.sessions
-        ],
-    }
+    notes = ("One operator with one robot; k successes in n counted trials.",)
+    return SESSIONS.table("sessions", "Sessions", operator_activity["sessions"], notes=notes)

@@ -1,117 +1,81 @@
-"""Second judgements as tables and JSON values."""
+"""Second judgements: agreement of raters with the verdicts, and the episodes that differ."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from vsnbench.report.analysis.fields import finite, interval_fields
-from vsnbench.report.analysis.judgements import RaterAgreement
-from vsnbench.report.table import Cell, Column, ReportTable, decimal, interval_cell, percent, row
+from vsnbench.report.analysis.activity import Rows
+from vsnbench.report.measures import CELL, COUNT, TEXT, Measure, Measures, decimals, intervals, objects, percents
+from vsnbench.report.table import ReportTable, TableCell
 from vsnbench.results.second_judgements import Outcome
 
 
-def second_judgement_tables(raters: Sequence[RaterAgreement]) -> list[ReportTable]:
-    """Return the table of agreement and that of the episodes that differ; none without second judgements."""
-    tables = []
-    if raters:
-        tables.append(_agreement_table(raters))
-    if any(rater.differing for rater in raters):
-        tables.append(_differing_table(raters))
-    return tables
+def _only_success(side: int) -> Measure:
+    """Return the measure of the episodes that only one side judged as a success."""
 
-
-def _agreement_table(raters: Sequence[RaterAgreement]) -> ReportTable:
-    rows = []
-    for rater in raters:
-        found = rater.agreement
-        only_first, only_second = (
-            sum(
-                number
-                for outcomes, number in rater.outcomes.items()
-                if outcomes[side] is Outcome.SUCCESS and outcomes[1 - side] is not Outcome.SUCCESS
-            )
-            for side in (0, 1)
+    def number(rater: Mapping[str, Any]) -> int:
+        return sum(
+            times
+            for outcomes, times in rater["outcomes"].items()
+            if outcomes[side] is Outcome.SUCCESS and outcomes[1 - side] is not Outcome.SUCCESS
         )
-        rows.append(
-            row(
-                rater.rater,
-                found.items,
-                percent(found.same, 1),
-                decimal(found.kappa, 2),
-                interval_cell(found.interval, 2),
-                only_first,
-                only_second,
-            )
-        )
-    return ReportTable(
-        name="second-judgements",
-        title="Blind second judgements",
-        columns=(
-            Column("rater", number=False),
-            Column("judged twice", note="episodes with a verdict and this rater's answer"),
-            Column("agreement %", note="share of the episodes with the same outcome: success, failure or void"),
-            Column("kappa", note="Cohen's kappa: agreement beyond chance"),
-            Column("95 % interval", rank=1, note="of kappa, from resampled starting positions"),
-            Column("only first success", rank=2),
-            Column("only second success", rank=3),
-        ),
-        rows=tuple(rows),
-        notes=("Raters saw neither the verdict nor the model's name. Kappa: 1 is perfect, 0 is chance.",),
-    )
+
+    return Measure("", COUNT, of=number, heading=f"only {('first', 'second')[side]} success", rank=2 + side)
 
 
-def _differing_table(raters: Sequence[RaterAgreement]) -> ReportTable:
-    return ReportTable(
-        name="differing-judgements",
-        title="Episodes judged differently",
-        columns=(
-            Column("episode"),
-            Column("rater", number=False),
-            Column("goal", number=False, rank=2),
-            Column("start", rank=3),
-            Column("verdict", number=False),
-            Column("second", number=False),
-            Column("rater's answer", number=False, rank=1),
-        ),
-        rows=tuple(
-            row(
-                Cell(str(differing.episode), differing.episode, links=(differing.episode,)),
-                rater.rater,
-                differing.goal,
-                differing.start,
-                differing.first,
-                differing.second,
-                differing.text,
-            )
-            for rater in raters
-            for differing in rater.differing
-        ),
-    )
-
-
-def second_judgement_fields(raters: Sequence[RaterAgreement]) -> list[dict[str, Any]]:
-    """Return the second judgements as JSON values."""
+def _outcomes(rater: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [
-        {
-            "rater": rater.rater,
-            "episodes": rater.agreement.items,
-            "same": finite(rater.agreement.same),
-            "kappa": finite(rater.agreement.kappa),
-            **interval_fields(rater.agreement.interval),
-            "outcomes": [
-                {"first": first.value, "second": second.value, "episodes": number}
-                for (first, second), number in sorted(rater.outcomes.items())
-            ],
-            "differing": [
-                {
-                    "episode": differing.episode,
-                    "goal": differing.goal,
-                    "start": differing.start,
-                    "first": differing.first.value,
-                    "second": differing.second.value,
-                    "text": differing.text,
-                }
-                for differing in rater.differing
-            ],
-        }
-        for rater in raters
+        {"first": first, "second": second, "episodes": times}
+        for (first, second), times in sorted(rater["outcomes"].items())
     ]
+
+
+_OUTCOMES = Measures(
+    Measure("first", TEXT, "outcome of the verdict"),
+    Measure("second", TEXT, "outcome of the second rater"),
+    Measure("episodes", COUNT, "number of episodes"),
+)
+DIFFERING = Measures(
+    Measure(
+        "", CELL, of=lambda row: TableCell(str(row["episode"]), row["episode"], (row["episode"],)), heading="episode"
+    ),
+    Measure("", TEXT, of="rater", heading="rater"),
+    Measure("episode", COUNT, "number of the episode"),
+    Measure("goal", TEXT, "goal of the episode", heading="goal", note="", rank=2),
+    Measure("start", COUNT, "number of the starting position", heading="start", note="", rank=3),
+    Measure("first", TEXT, "outcome of the verdict", heading="verdict", note=""),
+    Measure("second", TEXT, "outcome of the second rater", heading="second", note=""),
+    Measure("text", TEXT, "answer of the second rater in words", heading="rater's answer", note="", rank=1),
+)
+_TWICE = "episodes with a verdict and this rater's answer"
+_SAME = "share of the episodes with the same outcome: success, failure or void"
+_KAPPA, _OF_KAPPA = "Cohen's kappa: agreement beyond chance", "of kappa, from resampled starting positions"
+RATERS = Measures(
+    Measure("rater", TEXT, "name of the second rater", heading="rater", note=""),
+    Measure("episodes", COUNT, _TWICE, lambda rater: rater["agreement"].items, heading="judged twice"),
+    Measure("same", percents(1), _SAME, lambda rater: rater["agreement"].same, heading="agreement %"),
+    Measure("kappa", decimals(2), _KAPPA, lambda rater: rater["agreement"].kappa, heading="kappa"),
+    Measure(
+        "ci",
+        intervals(2, 1),
+        "the 95 % interval of kappa",
+        lambda rater: rater["agreement"].interval,
+        heading="95 % interval",
+        note=_OF_KAPPA,
+        rank=1,
+    ),
+    _only_success(0),
+    _only_success(1),
+    Measure("outcomes", objects(_OUTCOMES), "one object per pair of outcomes", _outcomes),
+    Measure("differing", objects(DIFFERING), "episodes with different outcomes"),
+)
+
+
+def second_judgement_tables(raters: Rows) -> list[ReportTable]:
+    """Return the table of agreement and that of the episodes that differ; none without second judgements."""
+    notes = ("Raters saw neither the verdict nor the model's name. Kappa: 1 is perfect, 0 is chance.",)
+    differing = [row | {"rater": rater["rater"]} for rater in raters for row in rater["differing"]]
+    tables = (
+        RATERS.table("second-judgements", "Blind second judgements", raters, notes=notes),
+        DIFFERING.table("differing-judgements", "Episodes judged differently", differing),
+    )
+    return [table for table in tables if table.rows]

@@ -1,10 +1,8 @@
-"""Tables of sensitivity analyses, failures and overruled verdicts."""
+"""Sensitivity analyses: other rules, shortest path, seed, drift, cells."""
 
 from collections.abc import Iterable, Sequence
 
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.failures import Failures
-from vsnbench.report.analysis.judgements import Judgements
 from vsnbench.report.analysis.sensitivity import (
     Drift,
     Recount,
@@ -15,17 +13,97 @@ from vsnbench.report.analysis.sensitivity import (
     sensitivity,
     spread_between,
 )
-from vsnbench.report.analysis.summary import ConditionSummary, Results
-from vsnbench.report.table import EMPTY, Column, ReportTable, Row, interval_percent, of, percent, row
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
+from vsnbench.report.measures import (
+    COUNT,
+    FLAG,
+    NUMBER,
+    TEXT,
+    Measure,
+    Measures,
+    an_object,
+    intervals,
+    objects,
+    rates,
+)
+from vsnbench.report.table import EMPTY, Column, ReportTable, TableCell, of, row
 from vsnbench.report.wording import compared
-from vsnbench.text.sanitize import sanitize
 
-_RATES = (Column("k/n"), Column("SR %"), Column("95 % interval"))
-_NAMED = 5
-"""Number of overruled verdicts named in a note."""
+RECOUNT = Measures.shared(
+    "recount",
+    Measure("counted", TEXT, "rule or part of the episodes", "label"),
+    *rates("proportion", "interval"),
+    Measure(
+        "bound",
+        FLAG,
+        "missing trials are counted as all failed or all succeeded",
+        lambda recount: bool(recount.bound),
+    ),
+)
+_LATER = "share of pairs of a success and a failure in which the success is later; 0.5 without a trend"
+DRIFT = Measures.shared(
+    "drift",
+    Measure("p", NUMBER, "p-value of no trend", "trend.p"),
+    Measure("least_p", NUMBER, "smallest p-value that the design can give", "trend.least_p"),
+    Measure("exact", FLAG, "the p-value is exact", "trend.exact"),
+    Measure("success_later", NUMBER, _LATER, "trend.later", null="without pairs"),
+    Measure("difference", NUMBER, "success rate of the last third minus that of the first"),
+    Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
+    Measure("thirds", objects(RECOUNT), "recounts of the first, second and last third"),
+)
+_CELLS = Measures(
+    Measure("goal", TEXT, "goal of the cell", lambda cell: cell[0][0]),
+    Measure("start", COUNT, "number of the starting position", lambda cell: cell[0][1]),
+    Measure("successes", COUNT, "successes in the cell", lambda cell: cell[1].successes),
+    Measure("episodes", COUNT, "counted episodes in the cell", lambda cell: cell[1].trials),
+)
+_Part = tuple[ReportData, ConditionSummary]
 
 
-def sensitivity_tables(record: ReportData, results: Results) -> list[ReportTable]:
+def _has_sessions(part: _Part) -> bool:
+    """Whether success can drift: of real robots and in rehearsals, because simulations do not."""
+    record, summary = part
+    return not summary.condition.simulated or bool((record.of(summary.condition)["session"] > 0).any())
+
+
+_WITHIN = "in simulation without sessions, and with fewer than 12 episodes"
+_OVER_ALL = "in simulation without sessions, or with one session"
+SENSITIVITY = Measures(
+    Measure("recounts", objects(RECOUNT), "as judged, and under other rules", lambda part: sensitivity(*part)),
+    Measure(
+        "by_shortest_path",
+        objects(RECOUNT),
+        "by length of the shortest path to the goal",
+        lambda part: by_distance(*part),
+    ),
+    Measure("by_seed", objects(RECOUNT), "one recount per seed; empty with one seed", lambda part: by_seed(*part)),
+    Measure(
+        "standard_deviation_between_seeds",
+        NUMBER,
+        "standard deviation of the seeds' success rates",
+        lambda part: spread_between(by_seed(*part)),
+        null="with one seed",
+    ),
+    Measure(
+        "drift",
+        an_object(DRIFT),
+        "change of success within sessions",
+        lambda part: drift(*part) if _has_sessions(part) else None,
+        null=_WITHIN,
+    ),
+    Measure(
+        "drift_over_all_sessions",
+        an_object(DRIFT),
+        "change of success over all sessions",
+        lambda part: drift(*part, whole=True) if _has_sessions(part) else None,
+        null=_OVER_ALL,
+    ),
+    Measure("cells", objects(_CELLS), "counts, one object per cell", lambda part: grid(part[1]).cells.items()),
+)
+"""The JSON object of a condition's sensitivity analyses, from the record and the condition's summary."""
+
+
+def sensitivity_tables(record: ReportData, results: ReportResults) -> list[ReportTable]:
     """Return every sensitivity table that the record supports."""
     tables = [
         _groups(
@@ -55,24 +133,17 @@ def _groups(
     return ReportTable(
         name=name,
         title=title,
-        columns=(Column("model", number=False), Column(heading, number=False), *_RATES),
-        rows=tuple(_row(summary, recount) for summary, groups in members for recount in groups),
+        columns=(Column("model", number=False), Column(heading, number=False), *RECOUNT.columns),
+        rows=tuple(
+            RECOUNT.row(recount, TableCell(summary.condition.name), TableCell(recount.label))
+            for summary, groups in members
+            for recount in groups
+        ),
         notes=notes,
     )
 
 
-def _row(summary: ConditionSummary, recount: Recount) -> Row:
-    proportion, interval = recount.proportion, recount.interval
-    return row(
-        summary.condition.name,
-        recount.label,
-        of(proportion.successes, proportion.trials),
-        percent(proportion.rate),
-        interval_percent(interval) if interval else EMPTY,
-    )
-
-
-def _seeds(record: ReportData, results: Results) -> ReportTable:
+def _seeds(record: ReportData, results: ReportResults) -> ReportTable:
     groups = [(summary, by_seed(record, summary)) for summary in results.conditions]
     spreads = [
         f"{summary.condition.name}: the seeds' rates have a standard deviation of "
@@ -83,7 +154,7 @@ def _seeds(record: ReportData, results: Results) -> ReportTable:
     return _groups("seeds", "Success by seed", "seed", groups, *spreads)
 
 
-def drift_table(record: ReportData, results: Results) -> ReportTable:
+def drift_table(record: ReportData, results: ReportResults) -> ReportTable:
     """Return the drift over sessions; only for real robots and rehearsals, because simulations do not drift."""
     with_sessions = set(record.episodes.loc[record.episodes["session"] > 0, "condition"])
     asked = [
@@ -126,87 +197,4 @@ def _grid(summary: ConditionSummary) -> ReportTable:
             for start in cells.starts
         ),
         condition=summary.condition.number,
-    )
-
-
-def failure_table(results: Results, failures: Sequence[Failures]) -> ReportTable | None:
-    """Return the table of failure causes; None without failures."""
-    by_number = {summary.condition.number: summary for summary in results.conditions}
-    rows, notes = [], []
-    for counts in failures:
-        summary = by_number[counts.condition]
-        rows += [
-            row(
-                summary.condition.name,
-                kind.value,
-                number,
-                percent(number / counts.examined, 1),
-            )
-            for kind, number in counts.kinds
-        ]
-        if counts.examined < counts.failed:
-            notes.append(f"{summary.condition.name}: {counts.examined} of {counts.failed} failures, evenly sampled.")
-        if counts.never_in_view is not None:
-            notes.append(
-                f"{summary.condition.name}: the goal was never in view in {counts.never_in_view} of these failures."
-            )
-        if counts.touched:
-            things = ", ".join(f"{sanitize(thing)} {times}" for thing, times in counts.touched)
-            notes.append(f"{summary.condition.name} collided with: {things}.")
-    if not rows:
-        return None
-    return ReportTable(
-        name="failures",
-        title="Why episodes failed",
-        columns=(
-            Column("model", number=False),
-            Column("kind", number=False),
-            Column("episodes"),
-            Column("% of examined"),
-        ),
-        rows=tuple(rows),
-        notes=(*notes, "From the poses and the site's walls; furniture does not block the view in this analysis."),
-    )
-
-
-def judgement_table(results: Results, judgements: Sequence[Judgements]) -> ReportTable | None:
-    """Return the table of verdicts that operators overruled; None if no operator judged."""
-    by_number = {summary.condition.number: summary for summary in results.conditions}
-    rows, notes = [], []
-    for judged in judgements:
-        summary = by_number[judged.condition]
-        to_success = sum(change.after is True for change in judged.overruled)
-        to_failure = sum(change.after is False for change in judged.overruled)
-        rows.append(
-            row(
-                summary.condition.name,
-                judged.judged,
-                len(judged.overruled),
-                percent(judged.rate, 1),
-                to_success,
-                to_failure,
-                len(judged.overruled) - to_success - to_failure,
-            )
-        )
-        for change in judged.overruled[:_NAMED]:
-            became = {True: "a success", False: "a failure", None: "void"}[change.after]
-            notes.append(f"Episode {change.episode}: {became} by {sanitize(change.author)}: {sanitize(change.reason)}.")
-        if len(judged.overruled) > _NAMED:
-            notes.append(f"{len(judged.overruled) - _NAMED} more for {summary.condition.name}.")
-    if not rows:
-        return None
-    return ReportTable(
-        name="judgements",
-        title="Verdicts by operators",
-        columns=(
-            Column("model", number=False),
-            Column("judged"),
-            Column("overruled"),
-            Column("%"),
-            Column("to success"),
-            Column("to failure"),
-            Column("to void"),
-        ),
-        rows=tuple(rows),
-        notes=tuple(notes),
     )

@@ -1,79 +1,151 @@
-"""Tables of real against simulated trials."""
+"""Real against simulated trials."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
-from vsnbench.report.table import (
-    EMPTY,
-    Column,
-    ReportTable,
-    Row,
-    decimal,
-    interval_cell,
-    interval_percent,
-    of,
-    percent,
-    rate_cells,
-    row,
-    without_empty_columns,
+from vsnbench.report.measures import (
+    COUNT,
+    RATIO,
+    TEXT,
+    TEXTS,
+    Form,
+    Measure,
+    Measures,
+    an_object,
+    decimals,
+    intervals,
+    percents,
+    rates,
 )
+from vsnbench.report.table import EMPTY, Column, ReportTable, Row, decimal, row, without_empty_columns
 from vsnbench.report.wording import listed
 from vsnbench.statistics.agreement import Agreement, RankCorrelation
 from vsnbench.statistics.bootstrap import MIN_CLUSTERS
+
+_POINTS = decimals(1, 100)
+_SAME = "probability that a real and a simulated episode agree"
+AGREEMENT = Measures(
+    Measure(
+        "bias",
+        _POINTS,
+        "simulated success rate minus the real one, mean over the cells",
+        heading="bias",
+        note="simulated success rate minus the real one, points",
+    ),
+    Measure(
+        "error",
+        _POINTS,
+        "root mean square difference of the cells' rates",
+        heading="error",
+        note="root mean square difference of the rates of a cell, points",
+    ),
+    Measure("same", percents(1), _SAME, heading="same outcome %", rank=1),
+    Measure("kappa", decimals(2), "Cohen's kappa: agreement beyond chance", heading="kappa", rank=2),
+)
+_JACKKNIFE = f"jackknife over starting positions, unknown for fewer than {MIN_CLUSTERS}"
+RANKS = Measures(
+    Measure("rho", decimals(2), "Spearman's rank correlation over the cells", heading="rank corr."),
+    Measure(
+        "ci",
+        intervals(2, 1),
+        "the 95 % interval of rho",
+        "interval",
+        heading="95 % interval",
+        note=_JACKKNIFE,
+        rank=3,
+    ),
+)
+_PLAIN, _WITH = "mean over the cells with real trials", "prediction-powered success rate over all simulated cells"
+_TUNING, _SAVED = "weight of the simulated results, 0 to 1", "additional real cells that would give the same precision"
+_CI, _ONE_PLACE = "95 % interval", Form({"type": "number"}, lambda cells: decimal(cells, 1))
+_TWO_PLACES = Form({"type": "number"}, lambda tuning: decimal(tuning, 2))
+POWERED = Measures(
+    Measure("success_rate", percents(), _WITH, "rate", heading="PPI++ SR %", rank=1),
+    Measure("ci", intervals(), "the 95 % interval of this rate", "interval", heading=_CI, note="", rank=1),
+    Measure("plain_success_rate", percents(), _PLAIN, "plain_rate", heading="real SR %", rank=1),
+    Measure("plain_ci", intervals(), "its 95 % interval", "plain_interval", heading=_CI, note="", rank=1),
+    Measure("tuning", _TWO_PLACES, _TUNING, heading="tuning", rank=3),
+    Measure("cells", COUNT, "number of cells with real trials"),
+    Measure("cells_saved", _ONE_PLACE, _SAVED, "saved", heading="cells saved", rank=1),
+).in_columns("real SR %", "plain_ci", "PPI++ SR %", "ci", "tuning", "cells saved")
+_ESTIMATE = "real success rate estimated with the help of simulation"
+
+
+def _cells(pair: SimRealPair) -> int:
+    return len(pair.pairing.outcomes.cells) if pair.pairing else 0
+
+
+def _rates(side: str, name: str) -> tuple[Measure, ...]:
+    """Return the measures of the real (`first`) or simulated (`second`) trials."""
+
+    def group(pair: SimRealPair) -> Any:
+        return getattr(pair, side)
+
+    k_of_n, rate, interval = rates(lambda pair: group(pair).proportion, lambda pair: group(pair).interval)[2:]
+    return (
+        Measure(
+            f"successes_{name}",
+            COUNT,
+            f"successes of the {name} condition on these goals",
+            lambda pair: group(pair).successes,
+        ),
+        Measure(
+            f"episodes_{name}",
+            COUNT,
+            f"counted episodes of the {name} condition on these goals",
+            lambda pair: group(pair).episodes,
+        ),
+        k_of_n,
+        replace(rate, key=""),
+        replace(interval, key="", rank=1),
+        Measure("", RATIO, of=lambda pair: (group(pair).episodes, group(pair).planned), heading="done", rank=2),
+    )
+
+
+_DIFFERENCE = "real success rate minus the simulated one; for shared cells the mean over them"
+_NEWCOMBE = "Newcombe's interval of the difference, paired for shared cells"
+_POINTS_NOTE = "difference in success rate, points; for shared cells the mean over them"
+SIM_VS_REAL = Measures.shared(
+    "sim_vs_real",
+    Measure("real", TEXT, "name of the real condition", "real.name"),
+    Measure("simulated", TEXT, "name of the simulated condition", "simulated.name"),
+    Measure("goals", TEXTS, "goals with real and simulated trials"),
+    Measure("", TEXT, of="real.model", heading="model"),
+    Measure("", TEXT, of=lambda pair: listed(pair.goals), heading="goals", rank=4),
+    Measure("", TEXT, of="real.name", heading="real", rank=3),
+    *_rates("first", "real"),
+    Measure("", TEXT, of="simulated.name", heading="simulated", rank=3),
+    *_rates("second", "simulated"),
+    Measure("difference", decimals(2, 100), _DIFFERENCE, heading="real - sim.", note=_POINTS_NOTE),
+    Measure(
+        "ci",
+        intervals(),
+        "the 95 % interval of the difference",
+        "interval",
+        heading="95 % interval",
+        note=_NEWCOMBE,
+    ),
+    Measure("shared_cells", COUNT, "number of cells that both conditions have", _cells),
+    Measure("", COUNT, of=lambda pair: _cells(pair) or None, heading="shared cells", rank=2),
+    Measure("agreement", an_object(AGREEMENT), "agreement of the shared cells", null="without any"),
+    Measure(
+        "rank_correlation", an_object(RANKS), "correlation of the shared cells' rates", "ranks", null="without any"
+    ),
+    Measure("prediction_powered", an_object(POWERED), _ESTIMATE, "powered", null="if the simulation adds nothing"),
+)
 
 
 def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
     """Real against simulated results (paper, Table 3) on the shared goals; None if there are none."""
     if not found:
         return None
-    return without_empty_columns(
-        ReportTable(
-            name="real-simulated",
-            title="Real world against simulation",
-            columns=(
-                Column("model", number=False),
-                Column("goals", number=False, rank=4),
-                Column("real", number=False, rank=3),
-                Column("k/n"),
-                Column("SR %"),
-                Column("95 % interval", rank=1),
-                Column("done", rank=2),
-                Column("simulated", number=False, rank=3),
-                Column("k/n"),
-                Column("SR %"),
-                Column("95 % interval", rank=1),
-                Column("done", rank=2),
-                Column("real - sim.", note="difference in success rate, points; for shared cells the mean over them"),
-                Column("95 % interval", note="Newcombe's interval of the difference, paired for shared cells"),
-                Column("shared cells", rank=2),
-            ),
-            rows=tuple(_real_row(pair) for pair in found),
-            notes=(
-                "On the goals with both real and simulated trials.",
-                *footnotes(
-                    list({side.number: side for pair in found for side in (pair.real, pair.simulated)}.values())
-                ),
-            ),
-        )
-    )
-
-
-def _real_row(pair: SimRealPair) -> Row:
-    a, b = pair.first, pair.second
-    return row(
-        pair.real.model,
-        listed(pair.goals),
-        pair.real.name,
-        *rate_cells(a.proportion, a.interval),
-        of(a.episodes, a.planned),
-        pair.simulated.name,
-        *rate_cells(b.proportion, b.interval),
-        of(b.episodes, b.planned),
-        decimal(100 * pair.difference, 2),
-        interval_percent(pair.interval),
-        len(pair.pairing.outcomes.cells) if pair.pairing else EMPTY,
-    )
+    sides = list({side.number: side for pair in found for side in (pair.real, pair.simulated)}.values())
+    notes = ("On the goals with both real and simulated trials.", *footnotes(sides))
+    table = SIM_VS_REAL.table("real-simulated", "Real world against simulation", found, notes=notes)
+    return without_empty_columns(table)
 
 
 _POWERED = (
@@ -90,59 +162,12 @@ def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
     )
     if not rows:
         return None
-    return without_empty_columns(
-        ReportTable(
-            name="cell-agreement",
-            title="Real and simulated results, cell by cell",
-            columns=(
-                Column("real", number=False),
-                Column("simulated", number=False),
-                Column("cells", note="shared cells"),
-                Column("bias", note="simulated success rate minus the real one, points"),
-                Column("error", note="root mean square difference of the rates of a cell, points"),
-                Column("same outcome %", rank=1, note="probability that a real and a simulated episode agree"),
-                Column("kappa", rank=2, note="Cohen's kappa: agreement beyond chance"),
-                Column("rank corr.", note="Spearman's rank correlation over the cells"),
-                Column(
-                    "95 % interval",
-                    rank=3,
-                    note=f"jackknife over starting positions, unknown for fewer than {MIN_CLUSTERS}",
-                ),
-                Column("real SR %", rank=1, note="mean over the cells with real trials"),
-                Column("95 % interval", rank=1),
-                Column("PPI++ SR %", rank=1, note="prediction-powered success rate over all simulated cells"),
-                Column("95 % interval", rank=1),
-                Column("tuning", rank=3, note="weight of the simulated results, 0 to 1"),
-                Column("cells saved", rank=1, note="additional real cells that would give the same precision"),
-            ),
-            rows=rows,
-            notes=(_POWERED,),
-        )
-    )
+    first = (Column("real", number=False), Column("simulated", number=False), Column("cells", note="shared cells"))
+    columns = (*first, *AGREEMENT.columns, *RANKS.columns, *POWERED.columns)
+    title = "Real and simulated results, cell by cell"
+    return without_empty_columns(ReportTable("cell-agreement", title, columns, rows, (_POWERED,)))
 
 
 def _agreement_row(pair: SimRealPair, like: Agreement, ranks: RankCorrelation) -> Row:
-    gain = pair.powered
-    return row(
-        pair.real.name,
-        pair.simulated.name,
-        like.cells,
-        decimal(100 * like.bias, 1),
-        decimal(100 * like.error, 1),
-        percent(like.same, 1),
-        decimal(like.kappa, 2),
-        decimal(ranks.rho, 2),
-        interval_cell(ranks.interval, 2),
-        *(
-            (
-                percent(gain.plain_rate),
-                interval_percent(gain.plain_interval),
-                percent(gain.rate),
-                interval_percent(gain.interval),
-                decimal(gain.tuning, 2),
-                decimal(gain.saved, 1),
-            )
-            if gain
-            else (EMPTY,) * 6
-        ),
-    )
+    powered = POWERED.cells(pair.powered) if pair.powered else (EMPTY,) * len(POWERED.columns)
+    return row(pair.real.name, pair.simulated.name, like.cells, *AGREEMENT.cells(like), *RANKS.cells(ranks), *powered)

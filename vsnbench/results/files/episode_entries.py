@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from vsnbench.protocol.judge import Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.sites.site import Site
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
@@ -58,18 +58,7 @@ class EventEntry:
     """Author of the event, or an empty string."""
 
 
-@dataclass(frozen=True, slots=True)
-class EndEntry:
-    """End of an episode."""
-
-    verdict: Verdict
-    actions: int
-    path_length_m: float | None = None
-    duration_s: float | None = None
-    error: str = ""
-
-
-Entry = StepEntry | EventEntry | EndEntry
+Entry = StepEntry | EventEntry | EpisodeEnd
 
 
 class EpisodeSink(Protocol):

@@ -101,7 +101,7 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
     """Return the columns set at an episode's beginning."""
     return {
         "started_at": begin.started_at or datetime.now(UTC),
-        "geodesic_start_m": number(begin.geodesic_m),
+        "geodesic_start_m": number(begin.shortest_m),
         **({} if begin.has_images else {"images_directory": ""}),
     }
 
@@ -136,8 +136,8 @@ def episode_end_row(end: EpisodeEnd) -> Row:
         "end_reason": end.end_reason.value,
         "error": text(end.error),
         "actions": end.actions,
-        "path_length_m": number(end.path_length_m),
-        "geodesic_end_m": number(end.geodesic_m),
+        "path_length_m": number(end.path_m),
+        "geodesic_end_m": number(end.remaining_m),
         "duration_s": number(end.duration_s),
         "wall_duration_s": number(end.wall_duration_s),
         **_distance_columns(end.verdict, "distance_to_goal_m"),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.values.fix import Fix
@@ -16,7 +17,7 @@ collision, or moving the robot by hand."""
 class EpisodeBegin:
     """State of an episode at its beginning."""
 
-    geodesic_m: float | None = None
+    shortest_m: float | None = None
     """Geodesic distance from the start to the region in which the goal counts as reached."""
     started_at: datetime | None = None
     """Default: now."""
@@ -28,24 +29,39 @@ class EpisodeBegin:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeEnd:
-    """State of an episode at its end."""
+    """How an episode ended; the same value for the runner, the record and a viewer."""
 
-    end_reason: EndReason
+    verdict: Verdict
     actions: int
-    verdict: Verdict | None = None
-    """None if an operator has to judge the episode."""
-    proposed: bool = False
-    """The verdict is a proposal: unless it is void, an operator confirms or overrules it."""
+    final: Fix | None = None
+    """Pose at the end."""
+    wall_duration_s: float | None = None
     error: str = ""
-    path_length_m: float | None = None
-    geodesic_m: float | None = None
+    """Reason why a void episode is void."""
+    proposed: bool = False
+    """The verdict is a proposal, because the robot is real: unless it is void, a person confirms or overrules it."""
+    began: bool = True
+    """False if the episode ended before its first observation."""
+    path_m: float | None = None
+    """Length of the driven path."""
+    remaining_m: float | None = None
     """Geodesic distance from the end to the region in which the goal counts as reached."""
     duration_s: float | None = None
     """On the robot's clock."""
-    wall_duration_s: float | None = None
-    final: Fix | None = None
     ended_at: datetime | None = None
     """Default: now."""
+    unjudged: bool = False
+    """Nothing is proposed: the verdict has the end reason only, is not recorded, and a person has to judge."""
+
+    @property
+    def end_reason(self) -> EndReason:
+        """Why the episode ended."""
+        return self.verdict.end_reason
+
+
+def unjudged_end(reason: EndReason, actions: int, **known: Any) -> EpisodeEnd:
+    """Return the end of an episode that a person has to judge; `known` are further fields."""
+    return EpisodeEnd(Verdict(reason, None, "not judged yet"), actions, unjudged=True, **known)
 
 
 @dataclass(frozen=True, slots=True)

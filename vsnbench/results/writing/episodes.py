@@ -205,7 +205,7 @@ def claim_first(connection: Connection, process_id: int, campaign_id: int, trial
         ).first()
         if row is None or connection.execute(_TAKEN, {"trial": trial_id}).first() is not None:
             continue
-        trial = KnownTrial(row.id, campaign_id, row.goal, row.start, row.repetition)
+        trial = KnownTrial(row.goal, row.start, row.repetition, id=row.id, campaign_id=campaign_id)
         return _claim(connection, process_id, trial, trial_seed(row.seed, row.goal, row.start, row.repetition))
     return None
 
@@ -268,7 +268,7 @@ def end_episode(connection: Connection, process_id: int, episode_id: int, end: E
 def write_end(connection: Connection, process_id: int, episode_id: int, end: EpisodeEnd) -> None:
     """Write an episode's end within a transaction; `log_outcome` must follow in it."""
     verdict = end.verdict
-    if verdict is None:
+    if end.unjudged:
         state = EpisodeState.AWAITING
     elif verdict.success is None:
         state = EpisodeState.VOID
@@ -277,7 +277,7 @@ def write_end(connection: Connection, process_id: int, episode_id: int, end: Epi
     before = ACTIVE if state is EpisodeState.VOID else (EpisodeState.RUNNING,)
     columns = {**episode_end_row(end), "thinking_s": thinking_s(episode_id)}
     advance(connection, episode_id, state, from_states=before, process_id=process_id, **columns)
-    if verdict is not None:
+    if not end.unjudged:
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
         connection.execute(insert(VerdictTable), row)

@@ -30,7 +30,7 @@ class ImportedEpisode:
 
     end: EpisodeEnd
     steps: Sequence[StepRecord] = ()
-    geodesic_m: float | None = None
+    shortest_m: float | None = None
     started_at: datetime | None = None
     judged: Verdict | None = None
     """The tool's judgement; None awaits an operator's."""
@@ -70,7 +70,7 @@ def import_episodes(
                 "started_at": given.started_at or datetime.now(UTC),
                 "error": "",
                 "actions": 0,
-                "geodesic_start_m": number(given.geodesic_m),
+                "geodesic_start_m": number(given.shortest_m),
                 "images_directory": "",
             },
         )

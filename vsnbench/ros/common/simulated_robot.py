@@ -11,7 +11,7 @@ from vsnbench.ros.common.messages import command_of
 from vsnbench.ros.common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
-from vsnbench.simulator.robot_player import Picture, RobotOutlet, RobotPlayer, SimulationOptions
+from vsnbench.simulator.robot_player import CameraImages, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -108,7 +108,7 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
         """Return whether a node subscribes to an image."""
         return any(p is not None and self._subscribers(p) for p in (self._color, self._depth, self._instances))
 
-    def publish_picture(self, picture: Picture) -> None:
+    def publish_picture(self, picture: CameraImages) -> None:
         """Publish the images and calibrations of the cameras."""
         stamp_s = picture.stamp_s
         if self._subscribers(self._instances):

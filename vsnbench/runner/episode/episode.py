@@ -2,14 +2,14 @@
 
 import logging
 import time
-from dataclasses import dataclass
 from typing import Protocol
 
 from vsnbench.errors import ModelLostError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.models.contract import Policy
 from vsnbench.models.task import task_of
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge
+from vsnbench.protocol.judge import EndReason, GoalDistance, distance_to_goal, judge
 from vsnbench.protocol.limits import Spent
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.depth_guard import get_ready
@@ -23,26 +23,10 @@ from vsnbench.values.fix import Fix
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeOutcome:
-    """How an episode ended."""
-
-    verdict: Verdict
-    actions: int
-    final: Fix | None
-    wall_s: float
-    error: str = ""
-    """Reason why a void episode is void."""
-    proposed: bool = False
-    """The verdict counts only when a person has confirmed it, because the robot is real."""
-    began: bool = True
-    """False if the episode ended before its first observation."""
-
-
 class StoppedInEpisodeError(Stopped):
     """A request ended the session during an episode, which has been recorded."""
 
-    def __init__(self, request: StopRequest, outcome: EpisodeOutcome) -> None:
+    def __init__(self, request: StopRequest, outcome: EpisodeEnd) -> None:
         super().__init__(request)
         self.outcome = outcome
 
@@ -82,7 +66,7 @@ class EpisodeRecorder(Protocol):
         """Record that a person acted on the robot other than by placing it; by default the session's operator."""
         ...
 
-    def end(self, outcome: EpisodeOutcome) -> None:
+    def end(self, outcome: EpisodeEnd) -> None:
         """Record the end and the verdict."""
         ...
 
@@ -94,7 +78,7 @@ def run_episode(
     recorder: EpisodeRecorder,
     operator: EpisodeOperator,
     stop: StopRequests,
-) -> EpisodeOutcome:
+) -> EpisodeEnd:
     """Run one episode to its end, record each step, and judge it.
 
     The robot is halted on every exit, and a motion that a request to stop interrupts is a step as well. A RecordError
@@ -207,7 +191,7 @@ def _place_at_start(
 
 def _judged(
     robot: Robot, plan: EpisodePlan, reason: EndReason, actions: int, wall_s: float, error: str, *, began: bool
-) -> EpisodeOutcome:
+) -> EpisodeEnd:
     final: Fix | None = None
     distance: GoalDistance | None = None
     try:
@@ -219,4 +203,4 @@ def _judged(
             reason, error = EndReason.SENSOR_LOST, f"the robot's final pose is not known: {failure}"
     verdict = judge(reason, actions, distance, plan.parameters)
     proposed = robot.needs_operator or not robot.identity.simulated
-    return EpisodeOutcome(verdict, actions, final, wall_s, error, proposed, began)
+    return EpisodeEnd(verdict, actions, final, wall_s, error, proposed, began)

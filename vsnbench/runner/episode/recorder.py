@@ -7,7 +7,7 @@ within one action. Where every core runs a worker, each step is written before t
 
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol
 
@@ -15,7 +15,6 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.files.episode_entries import (
-    EndEntry,
     Entry,
     EpisodeHeader,
     EpisodeSink,
@@ -27,7 +26,6 @@ from vsnbench.results.files.images import EpisodeImages, StampedPose, hash_image
 from vsnbench.results.files.mark_photos import MarkPhotos
 from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
-from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runtime.clock import ClockReading
@@ -172,31 +170,19 @@ class EpisodeRecorderFanOut:
         """Write that a person acted on the robot."""
         self.event(INTERVENTION, what, author or self._options.operator_name)
 
-    def end(self, outcome: EpisodeOutcome) -> None:
+    def end(self, outcome: EpisodeEnd) -> None:
         """Write the end and the verdict in one transaction."""
         self._settle()
         self._note_clock_change()
-        length_m = None
+        path_m = None
         if outcome.began:
-            length_m = path_length_m([moment.pose for moment in self._trajectory]) + self._detour_m
+            path_m = path_length_m([moment.pose for moment in self._trajectory]) + self._detour_m
         if self._images:
             self._images.finish(self._trajectory)
-        self._journal.end_episode(
-            self._claim.id,
-            EpisodeEnd(
-                end_reason=outcome.verdict.end_reason,
-                actions=outcome.actions,
-                verdict=outcome.verdict,
-                proposed=outcome.proposed,
-                error=outcome.error,
-                path_length_m=length_m,
-                geodesic_m=self._geodesic_m(outcome.final.pose, ended=True) if outcome.final else None,
-                duration_s=self._robot_time_s,
-                wall_duration_s=outcome.wall_s,
-                final=outcome.final,
-            ),
-        )
-        self._show(EndEntry(outcome.verdict, outcome.actions, length_m, self._robot_time_s, outcome.error))
+        remaining_m = self._geodesic_m(outcome.final.pose, ended=True) if outcome.final else None
+        whole = replace(outcome, path_m=path_m, remaining_m=remaining_m, duration_s=self._robot_time_s)
+        self._journal.end_episode(self._claim.id, whole)
+        self._show(whole)
 
     def _note_clock_change(self) -> None:
         """Record that the computer's clock was set: dates of the episode are out of order or have a gap."""
@@ -243,6 +229,7 @@ class EpisodeRecorderFanOut:
             details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
             movement=decision.movement,
             part=step.part,
+            refusal=step.refusal,
         )
         self._journal.append_step(self._claim.id, record)
         self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))

@@ -15,7 +15,7 @@ from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.results.writing.remote_episodes import BundledEvent, BundledRows
-from vsnbench.runner.episode.episode import EpisodeOutcome, run_episode
+from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
@@ -34,7 +34,7 @@ class EpisodeBundle:
     trial: Trial
     description: SetupDescription
     """Description of the worker's setup. The driver refuses bundles whose setup differs from the campaign's."""
-    outcome: EpisodeOutcome
+    outcome: EpisodeEnd
     rows: BundledRows
     files: Mapping[str, bytes]
     """Images and the trajectory, by path relative to the episode's directory."""

@@ -11,7 +11,7 @@ from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.robots.contract import Robot
-from vsnbench.runner.episode.episode import EpisodeOutcome, StoppedInEpisodeError, run_episode
+from vsnbench.runner.episode.episode import StoppedInEpisodeError, run_episode
 from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut
 from vsnbench.runner.executors.leases import leases_renewed
 from vsnbench.runner.loop.contract import EpisodeEnded, LoopEvent, Session, TrialExecutor, TrialReturned
@@ -142,7 +142,8 @@ class InProcessExecutor(TrialExecutor):
         """Halt the robot at once."""
         self._robot.halt()
 
-    def _end_without_model(self, claim: Claim, error: str) -> EpisodeOutcome:
+    def _end_without_model(self, claim: Claim, error: str) -> EpisodeEnd:
         verdict = judge(EndReason.MODEL_ERROR, 0, None, self.session.parameters)
-        self.session.journal.end_episode(claim.id, EpisodeEnd(EndReason.MODEL_ERROR, 0, verdict, error=error))
-        return EpisodeOutcome(verdict, 0, None, 0.0, error, began=False)
+        end = EpisodeEnd(verdict, 0, None, 0.0, error, began=False)
+        self.session.journal.end_episode(claim.id, end)
+        return end

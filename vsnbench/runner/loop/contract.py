@@ -8,11 +8,11 @@ from functools import partial
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.writing.campaigns import Trial
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import CameraPreview
-from vsnbench.runner.episode.episode import EpisodeOutcome
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.loop.follow_up import FollowUp, FollowUpRules
@@ -36,7 +36,7 @@ class EpisodeEnded:
     """An episode has ended and is in the results database."""
 
     claim: Claim
-    outcome: EpisodeOutcome
+    outcome: EpisodeEnd
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from vsnbench.protocol.judge import EndReason
-from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.results.writing.entries import EpisodeEnd
 
 DEFAULT_VOID_LIMIT = 3
 LOST_WORKER_LIMIT = 10
@@ -17,7 +17,7 @@ MODEL_FAILURES = (EndReason.MODEL_ERROR, EndReason.MODEL_LOST)
 """Void because of the model; the robot and other models are not affected."""
 
 
-def strands_robot(outcome: EpisodeOutcome) -> bool:
+def strands_robot(outcome: EpisodeEnd) -> bool:
     """Whether a real robot has stopped at a place from which a person must fetch it."""
     return outcome.proposed and outcome.began and outcome.verdict.end_reason in ROBOT_FAILURES
 
@@ -35,7 +35,7 @@ class VoidLimit:
     _same_loss: int = 0
     """Episodes that were running when the model was last lost: the loss of a shared server ends all of them."""
 
-    def add(self, outcome: EpisodeOutcome, running: int = 0) -> str | None:
+    def add(self, outcome: EpisodeEnd, running: int = 0) -> str | None:
         """Count an episode that ended while `running` others run. Returns the reason to stop, or None to continue."""
         reason = outcome.verdict.end_reason
         is_same_loss, self._same_loss = self._same_loss > 0, max(self._same_loss - 1, 0)
@@ -82,7 +82,7 @@ class FollowUpRules:
     _model_failures: Counter[int] = field(default_factory=Counter)
     """Consecutive failures of a model, by its campaign."""
 
-    def after_episode(self, outcome: EpisodeOutcome, campaign_id: int = 0, running: int = 0) -> FollowUp:
+    def after_episode(self, outcome: EpisodeEnd, campaign_id: int = 0, running: int = 0) -> FollowUp:
         """Count an ended episode of a campaign and return what follows it; `running` other episodes still run."""
         reason = outcome.verdict.end_reason
         self.episodes += 1

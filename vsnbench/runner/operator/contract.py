@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from vsnbench.errors import RobotError
 from vsnbench.protocol.judge import Verdict
-from vsnbench.runner.episode.episode import EpisodeOutcome
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.sites.site import StartingPosition
@@ -42,7 +42,7 @@ class EndedEpisode:
 
     number: int
     plan: EpisodePlan
-    outcome: EpisodeOutcome
+    outcome: EpisodeEnd
 
 
 @dataclass(frozen=True, slots=True)

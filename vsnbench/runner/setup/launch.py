@@ -123,7 +123,7 @@ def _checked_plan(request: RunRequest, description: SetupDescription) -> Campaig
     return CampaignPlan(
         site=spec.site,
         robot=description.robot,
-        model=description.model,
+        model=description.card,
         protocol=spec.parameters,
         seed=request.seed,
         trials=plan_trials(description.goals, request.start_numbers, request.repetitions, spec.site.excluded),

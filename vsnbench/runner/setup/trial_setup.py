@@ -116,7 +116,7 @@ class SetupDescription:
     sensors: frozenset[Sensor]
     conditions: Mapping[str, Any]
     card: ModelCard
-    model: ModelCard
+    """The model's card as the record has it: see `ModelCard.recorded`."""
     goals: tuple[str, ...]
     """Requested categories that the site has and the model knows."""
     needs_operator: bool = False
@@ -139,7 +139,7 @@ class SetupDescription:
         """Return how another setup with the same spec differs; empty if it does not."""
         pairs = {
             "robot": (self.robot.sha256, other.robot.sha256),
-            "model": (model_sha256(self.model), model_sha256(other.model)),
+            "model": (model_sha256(self.card), model_sha256(other.card)),
             "conditions": (dict(self.conditions), dict(other.conditions)),
         }
         return ", ".join(f"{name} {ours} and {theirs}" for name, (ours, theirs) in pairs.items() if ours != theirs)
@@ -230,8 +230,7 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
             **spec.disturbances.conditions,
             **({} if crop is None else crop_condition(crop)),
         },
-        card=policy.card,
-        model=policy.card.recorded(files_handed_over(spec.model, policy.policy, spec.options), code_of(policy.policy)),
+        card=policy.card.recorded(files_handed_over(spec.model, policy.policy, spec.options), code_of(policy.policy)),
         goals=spec.goals,
         needs_operator=robot.needs_operator,
         seen_camera=crop or camera,

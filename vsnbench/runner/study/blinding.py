@@ -5,7 +5,6 @@ from pathlib import Path
 
 from vsnbench.protocol.judge import Verdict
 from vsnbench.results.files.episode_entries import (
-    EndEntry,
     Entry,
     EpisodeHeader,
     EpisodeSink,
@@ -15,6 +14,7 @@ from vsnbench.results.files.episode_entries import (
 )
 from vsnbench.results.reading.blinding import hide_step
 from vsnbench.results.reading.read_model import HIDDEN, TELLING
+from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.runner.episode.step import Step
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.values.decision import Decision
@@ -75,7 +75,7 @@ def _hide_entry(entry: Entry) -> Entry:
             return replace(entry, step=hide_step(entry.step), decision=Decision(entry.decision.action))
         case EventEntry() if entry.kind in TELLING:
             return replace(entry, text=HIDDEN)
-        case EndEntry() if entry.verdict.end_reason.value in TELLING:
+        case EpisodeEnd() if entry.verdict.end_reason.value in TELLING:
             return replace(entry, verdict=hide_verdict(entry.verdict), error=HIDDEN)
         case _:
             return entry

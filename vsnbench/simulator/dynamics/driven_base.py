@@ -45,7 +45,7 @@ class DrivenBase:
         """Put the base down at rest; its odometry begins at zero, with errors from `rng`."""
         self.physics.place(pose)
         self._motors.reset()
-        self._wheels = WheelOdometry(self.physics.geometry, self._dynamics.encoder_step_m)
+        self._wheels = WheelOdometry(self.physics.rolling_radius_m, self.physics.track_m, self._dynamics.encoder_step_m)
         self._drift = OdometryDrift(self._noise, rng) if self._noise is not None else None
         self._rng = rng
         self._gait, self._walking, self._sway_m, self._slid_m = 0.0, 0.0, 0.0, 0.0

@@ -1,6 +1,6 @@
 """Dead reckoning from wheel rotation."""
 
-from vsnbench.simulator.dynamics.physics import RollingGeometry, WheelAngles
+from vsnbench.simulator.dynamics.physics import WheelAngles
 from vsnbench.values.pose import Pose, advanced
 
 
@@ -8,13 +8,14 @@ class WheelOdometry:
     """Integrates short arcs; the pose is relative to the last reset, and its heading is not wrapped.
 
     Args:
-        geometry: rolling radius and track of the wheels.
+        radius_m: rolling radius of the wheels.
+        track_m: distance between them.
         step_m: way of a wheel per count of its encoder; 0 for an exact encoder.
     """
 
-    def __init__(self, geometry: RollingGeometry, step_m: float = 0.0) -> None:
-        self._geometry = geometry
-        self._step_rad = step_m / geometry.radius_m
+    def __init__(self, radius_m: float, track_m: float, step_m: float = 0.0) -> None:
+        self._radius_m, self._track_m = radius_m, track_m
+        self._step_rad = step_m / radius_m
         self.zero(WheelAngles(0.0, 0.0))
 
     def zero(self, angles: WheelAngles) -> None:
@@ -25,10 +26,10 @@ class WheelOdometry:
     def update(self, angles: WheelAngles) -> Pose:
         """Return the pose at the newest wheel angles."""
         angles = self._counted(angles)
-        left_m = (angles.left_rad - self._last.left_rad) * self._geometry.radius_m
-        right_m = (angles.right_rad - self._last.right_rad) * self._geometry.radius_m
+        left_m = (angles.left_rad - self._last.left_rad) * self._radius_m
+        right_m = (angles.right_rad - self._last.right_rad) * self._radius_m
         self._last = angles
-        self.pose = advanced(self.pose, (left_m + right_m) / 2, (right_m - left_m) / self._geometry.track_m)
+        self.pose = advanced(self.pose, (left_m + right_m) / 2, (right_m - left_m) / self._track_m)
         return self.pose
 
     def _counted(self, angles: WheelAngles) -> WheelAngles:

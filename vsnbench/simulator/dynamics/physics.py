@@ -59,14 +59,6 @@ class WheelAngles(NamedTuple):
     right_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class RollingGeometry:
-    """Wheel geometry for odometry: rolling radius and track width."""
-
-    radius_m: float
-    track_m: float
-
-
 class Physics:
     """One base in one scene; time passes only in `drive` and `stop`.
 
@@ -91,7 +83,9 @@ class Physics:
         wheels = [self._open.model.joint(f"{side}_wheel") for side in ("left", "right")]
         self._wheel_angle = [int(wheel.qposadr[0]) for wheel in wheels]
         self._resting_height_m = base.wheel_radius_m
-        self.geometry = self._calibrated()
+        self.track_m = base.track_m
+        """Distance between the wheels."""
+        self.rolling_radius_m = self._calibrated()
 
     @property
     def time_s(self) -> float:
@@ -129,11 +123,11 @@ class Physics:
             The present contact, or None.
         """
         forward_m_s = min(max(command.linear_m_s, -self._top_m_s), self._top_m_s)
-        turning_m_s = min(max(command.angular_rad_s, -self._top_rad_s), self._top_rad_s) * self.geometry.track_m / 2
+        turning_m_s = min(max(command.angular_rad_s, -self._top_rad_s), self._top_rad_s) * self.track_m / 2
         self._choose_world()
         step, model, data, wheels = self._mujoco.mj_step, self._world.model, self._world.data, self._world.wheels
-        wheels[0] = (forward_m_s - turning_m_s) / self.geometry.radius_m
-        wheels[1] = (forward_m_s + turning_m_s) / self.geometry.radius_m
+        wheels[0] = (forward_m_s - turning_m_s) / self.rolling_radius_m
+        wheels[1] = (forward_m_s + turning_m_s) / self.rolling_radius_m
         if self._world is self._open:
             step(model, data, _STEPS_PER_PERIOD)
             return None
@@ -189,12 +183,12 @@ class Physics:
             self._mujoco.mj_forward(world.model, world.data)
             self._world = world
 
-    def _calibrated(self) -> RollingGeometry:
-        """Let the base settle on a free floor and measure the rolling radius of its wheels."""
+    def _calibrated(self) -> float:
+        """Let the base settle on a free floor, and return the measured rolling radius of its wheels, metres."""
         model, data = self._open.model, self._open.data
         self._mujoco.mj_step(model, data, 1000)
         self._resting_height_m = float(data.qpos[2])
-        return RollingGeometry(self._resting_height_m - float(data.contact.pos[:, 2].mean()), self._base.track_m)
+        return self._resting_height_m - float(data.contact.pos[:, 2].mean())
 
 
 @cache

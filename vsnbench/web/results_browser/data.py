@@ -4,16 +4,16 @@ Blinded studies stay blinded: every query goes through `vsnbench.results.reading
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from sqlalchemy import Engine, func, select
 
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
 from vsnbench.results.goals import with_goals
-from vsnbench.results.model import EPISODE, Episode, EpisodeRecord
-from vsnbench.results.reading.filtering import EpisodeFilter
-from vsnbench.results.reading.queries import episode_record, episode_steps, list_episodes
+from vsnbench.results.model import EPISODE, EpisodeRecord
+from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, record_errors
 from vsnbench.sites.site import Site
@@ -27,15 +27,30 @@ SCHEMA: Final = 1
 ROW: Final = EPISODE.only(
     *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "start", "repetition", "outcome"),
     *("end_reason", "counts", "state", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at"),
-    *("images_directory", "tags", "disturbances"),
+    *("images_directory", "disturbances", "tags"),
 )
 """Quantities of an episode in the list."""
 COLUMNS: Final = tuple(
     {"campaign_id": "campaign", "images_directory": "has_images"}.get(name, name) for name in ROW.names
 )
 """Columns of the rows of `episodes_json`."""
-_PLACES: Final = {"distance_m": 3, "path_m": 2, "shortest_m": 2, "duration_s": 1}
 _MAX_TEXT = 4000
+
+
+def _rounded(value: float | None, places: int) -> float | None:
+    return round(value, places) if value is not None and math.isfinite(value) else None
+
+
+_SHORTEN: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "end_reason": lambda reason: reason or "",
+    "distance_m": partial(_rounded, places=3),
+    "path_m": partial(_rounded, places=2),
+    "shortest_m": partial(_rounded, places=2),
+    "duration_s": partial(_rounded, places=1),
+    "started_at": lambda moment: f"{moment:%Y-%m-%d %H:%M:%S}",
+    "images_directory": bool,
+}
+_SHORTENED: Final = tuple((ROW.names.index(name), shorten) for name, shorten in _SHORTEN.items())
 
 
 def version_of(engine: Engine) -> str:
@@ -66,26 +81,15 @@ def episodes_json(engine: Engine) -> dict[str, Any]:
         RecordError: the database cannot be read.
     """
     version = version_of(engine)
-    rows = [_row(episode) for episode in list_episodes(engine, EpisodeFilter())]
+    rows = [_shown(row) for row in episode_rows(engine, ROW)]
     return {"schema": SCHEMA, "version": version, "columns": COLUMNS, "rows": rows}
 
 
-def _row(episode: Episode) -> list[Any]:
-    return [_shown(name, value) for name, value in ROW.json(episode).items()]
-
-
-def _shown(name: str, value: Any) -> Any:
-    """Return a quantity as the page shows it: without more digits, seconds or text than there is room for."""
-    if name in _PLACES:
-        return _rounded(value, _PLACES[name])
-    match name:
-        case "end_reason":
-            return value or ""
-        case "started_at":
-            return f"{value:%Y-%m-%d %H:%M:%S}"
-        case "images_directory":
-            return bool(value)
-    return value
+def _shown(row: list[Any]) -> list[Any]:
+    """Return a row as the page shows it: without more digits, seconds or text than there is room for."""
+    for place, shorten in _SHORTENED:
+        row[place] = shorten(row[place])
+    return row
 
 
 def episode_json(engine: Engine, number: int) -> dict[str, Any]:
@@ -109,7 +113,7 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
         start = next((place.pose for place in site.starts if place.number == episode.start), None)
     return {
         "schema": SCHEMA,
-        "row": dict(zip(COLUMNS, _row(episode), strict=True)),
+        "row": dict(zip(COLUMNS, _shown(list(ROW.json(episode).values())), strict=True)),
         "uuid": episode.uuid,
         "seed": episode.seed,
         "weights": provenance.weights_label,
@@ -190,6 +194,7 @@ def _step(step: StepRecord) -> dict[str, Any]:
         "action": movement_text(step.movement) if step.movement is not None else step.action.value,
         "raw_action": step.raw_action,
         "blocked": step.blocked,
+        "refusal": step.refusal,
         "failure": step.result.failure if step.result else "",
         "touched": (collision.touched or "unknown object") if collision else "",
         "time_s": _rounded(step.stamp_s, 2),
@@ -217,7 +222,3 @@ def _note(details: Mapping[str, Any]) -> str:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _rounded(value: float | None, places: int) -> float | None:
-    return round(value, places) if value is not None and math.isfinite(value) else None

@@ -19,6 +19,7 @@ from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
+from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
 from vsnbench.report.tables.headline import headlines
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
@@ -55,6 +56,44 @@ class WrittenWebsite:
     videos: int
     problems: tuple[str, ...]
     """Episodes without a video, and why."""
+
+
+WEBSITE = Measures(
+    Measure("directory", TEXT, "directory of the website"),
+    Measure("episodes", COUNT, "number of episodes on the website"),
+    Measure("images", COUNT, "number of written images"),
+    Measure("videos", COUNT, "number of written videos"),
+    Measure("problems", TEXTS, "episodes without a video, and why"),
+)
+"""The JSON object of `report --website`."""
+_OF_CONDITION = Measures(
+    Measure("name", TEXT, "name of the condition"),
+    Measure("environment", TEXT, "`simulated` or `real`"),
+    Measure("site", TEXT, "name of the site"),
+)
+_LIMITS = "lower and upper limit of the 95 % interval, each null if unknown"
+_HEADLINE = Measures(
+    *_OF_CONDITION.within(lambda row: row[0].condition),
+    Measure("goals", TEXTS, "goals that the rate covers", lambda row: row[1][0]),
+    Measure("episodes", COUNT, "number of counted episodes", lambda row: row[1][1].episodes),
+    Measure("successes", COUNT, "number of successes among them", lambda row: row[1][1].successes),
+    Measure("success_rate", NUMBER, "share of successes", lambda row: row[1][1].success_rate, null="without episodes"),
+    Measure(
+        "interval",
+        values(Form({"type": ["number", "null"]})),
+        _LIMITS,
+        lambda row: (row[1][1].interval.low, row[1][1].interval.high),
+    ),
+)
+"""A condition with its goals and group of `headlines`."""
+HEADLINES = Measures(
+    Measure("schema", COUNT, f"version of these fields, now {SCHEMA}"),
+    Measure("vsnbench", TEXT, "version of vsnbench that wrote it"),
+    Measure("created_at", TEXT, "time of writing"),
+    Measure("conditions", objects(_HEADLINE), "one object per condition"),
+    Measure("answers", TEXTS, "the report's answers, one sentence each"),
+)
+"""The content of headline.json."""
 
 
 def write_website(
@@ -170,26 +209,14 @@ def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any
 
 def _headline(report: Report) -> dict[str, Any]:
     """Return the rate of each condition and the answers, for other programs; documented in docs/json.md."""
-    found = headlines(report.results.conditions)
-    return {
+    found = {
         "schema": SCHEMA,
         "vsnbench": __version__,
         "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
-        "conditions": [
-            {
-                "name": summary.condition.name,
-                "environment": summary.condition.environment,
-                "site": summary.condition.site,
-                "goals": list(goals),
-                "episodes": total.episodes,
-                "successes": total.successes,
-                "success_rate": total.success_rate if total.episodes else None,
-                "interval": [total.interval.low, total.interval.high],
-            }
-            for summary, (goals, total) in zip(report.results.conditions, found.by_condition, strict=True)
-        ],
+        "conditions": zip(report.results.conditions, headlines(report.results.conditions).by_condition, strict=True),
         "answers": [answer for question in report.questions for answer in question.answers],
     }
+    return HEADLINES.fields(found)
 
 
 def _clear(directory: Path) -> None:
