@@ -28,7 +28,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import upgrade
-from vsnbench.results.schema.tables import Base
+from vsnbench.results.schema.tables import TableBase
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
@@ -132,7 +132,7 @@ def copy_record(directory: Path, url: str) -> None:
     with closing(sqlite3.connect(directory / "vsnbench.db")) as source, psycopg.connect(target) as server:
         server.execute("SET TIME ZONE 'UTC'")  # SQLite's times have no zone
         server.execute("SET session_replication_role = replica")  # skip key checks: SQLite has done them
-        for table in Base.metadata.sorted_tables:
+        for table in TableBase.metadata.sorted_tables:
             names = [f'"{column.name}"' for column in table.columns]
             values = ", ".join(rf"coalesce({name}, '\N')" for name in names)
             rows = source.execute(f'SELECT {values} FROM "{table.name}"')

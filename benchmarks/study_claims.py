@@ -35,7 +35,7 @@ from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import RateComparison, compare
 from vsnbench.report.study.primary import analyse
 from vsnbench.statistics.balanced import flip_p_values, paired_intervals
-from vsnbench.statistics.conclusion import Evidence, conclude, winner_signs
+from vsnbench.statistics.conclusion import DifferenceEvidence, conclude, winner_signs
 from vsnbench.statistics.multiple import holm, simultaneous
 from vsnbench.statistics.paired import paired_interval
 from vsnbench.study.power import decided_studies, unit_differences
@@ -119,7 +119,7 @@ def _with_own_interval(rate: RateComparison) -> object:
     """Return the conclusion with an interval of this pair alone, as `compare` used it before."""
     if rate.pairing is None:
         raise SystemExit("the models share their cells")
-    evidence = Evidence(rate.difference, paired_interval(rate.pairing.outcomes), rate.adjusted_p, ALPHA)
+    evidence = DifferenceEvidence(rate.difference, paired_interval(rate.pairing.outcomes), rate.adjusted_p, ALPHA)
     return conclude(evidence)
 
 

@@ -123,7 +123,7 @@ def schema_page() -> str:
         _DRAWING,
         "For pandas use `vsnbench.open_results` ([Python interface](api.md)).",
     ]
-    for table in tables.Base.metadata.sorted_tables:
+    for table in tables.TableBase.metadata.sorted_tables:
         parts += _table(table, meanings)
     parts.append("## Eleven questions in SQL")
     parts.append("For SQLite. On PostgreSQL replace `sum(v.success)` by `sum(v.success::int)`.")

@@ -2,7 +2,7 @@
 
 from alembic import context
 
-from vsnbench.results.schema.tables import Base
+from vsnbench.results.schema.tables import TableBase
 
 
 def run() -> None:
@@ -10,7 +10,7 @@ def run() -> None:
     connection = context.config.attributes["connection"]
     context.configure(
         connection=connection,
-        target_metadata=Base.metadata,
+        target_metadata=TableBase.metadata,
         render_as_batch=True,
         compare_type=True,
         transaction_per_migration=False,

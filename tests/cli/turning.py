@@ -87,9 +87,3 @@ class Narrow(Turning):
         assert observation.depth_m is not None
         shapes = {"rgb": list(observation.rgb.shape[:2]), "depth": list(observation.depth_m.shape)}
         return Decision(Action.STOP, diagnostics=Diagnostics(details={**shapes, "camera": vars(observation.camera)}))
-
-
-class OddCamera(Turning):
-    """Has a card with a mapping as its camera."""
-
-    card = ModelCard("odd-camera", camera={"mount_height_m": 0.88})  # type: ignore[arg-type]

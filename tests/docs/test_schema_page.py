@@ -13,7 +13,7 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.values.action import Action
 
 
@@ -42,7 +42,7 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_every_column_is_on_the_page() -> None:
     text = schema_page()
-    for table in Base.metadata.sorted_tables:
+    for table in TableBase.metadata.sorted_tables:
         section = text.split(f"\n## {table.name}\n")[1].split("\n## ")[0]
         assert [f"| {column.name} |" in section for column in table.columns] == [True] * len(table.columns)
 

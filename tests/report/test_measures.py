@@ -18,19 +18,20 @@ from vsnbench.report.measures import (
 )
 from vsnbench.statistics.rates import UNKNOWN, Interval
 
-PART = Measures.shared("part", (Measure("name", TEXT, "name of the part"),))
+PART = Measures.shared(
+    "part",
+    Measure("name", TEXT, "name of the part"),
+)
 ROW = Measures(
-    (
-        Measure("name", TEXT, "name", heading="name", note=""),
-        Measure("rate", percents(1), "share of successes", heading="SR %"),
-        Measure("ci", intervals(1), "the interval of the rate", heading="interval", note="percent", rank=2),
-        Measure("", COUNT, "episodes with a doubt", lambda row: row["n"], heading="n"),
-        Measure("seconds", decimals(2), "time", null="in simulation"),
-        Measure("start", COUNT, "starting position", only_in="`starts`"),
-        Measure("parts", objects(PART), "parts"),
-        Measure("best", an_object(PART), "best part", null="without any"),
-        Measure("marks", values(COUNT), "marks"),
-    )
+    Measure("name", TEXT, "name", heading="name", note=""),
+    Measure("rate", percents(1), "share of successes", heading="SR %"),
+    Measure("ci", intervals(1), "the interval of the rate", heading="interval", note="percent", rank=2),
+    Measure("", COUNT, "episodes with a doubt", lambda row: row["n"], heading="n"),
+    Measure("seconds", decimals(2), "time", null="in simulation"),
+    Measure("start", COUNT, "starting position", only_in="`starts`"),
+    Measure("parts", objects(PART), "parts"),
+    Measure("best", an_object(PART), "best part", null="without any"),
+    Measure("marks", values(COUNT), "marks"),
 )
 KNOWN = {
     "name": "a",

@@ -4,9 +4,9 @@ import hashlib
 from dataclasses import replace
 
 from tests.results.records_of_a_lab import plan, run, stopped
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.studies.entries import LockedArm, RecordedStudy, StudyChange, StudyLock
 from vsnbench.results.writing.journal import Journal
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 CONTENT = "title: Which?\n"
 

@@ -15,7 +15,7 @@ from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.goals import definitions
 from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.results.schema.tables import Goal, Trial
+from vsnbench.results.schema.tables import GoalRow, TrialRow
 from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
@@ -45,9 +45,11 @@ def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definiti
         with engine.connect() as connection:
             goals = definitions(connection)
             assert goals["photo-bed"].kind is GoalKind.IMAGE
-            photograph = connection.scalar(select(Goal.image).where(Goal.name == "photo-bed"))
+            photograph = connection.scalar(select(GoalRow.image).where(GoalRow.name == "photo-bed"))
             assert photograph == (tmp_path / "bed.png").read_bytes()
-            assert connection.execute(select(Trial.goal).where(Trial.goal_id.is_(None))).scalars().all() == ["chair"]
+            assert connection.execute(select(TrialRow.goal).where(TrialRow.goal_id.is_(None))).scalars().all() == [
+                "chair"
+            ]
         recorded = Site.model_validate(episode_record(engine, 1).provenance.site_content)
     assert recorded.sha256 == load_site("apartment").sha256
     assert {goal.id: goal.sha256 for goal in recorded.goals} == {goal.id: goal.sha256 for goal in load_site(site).goals}
@@ -89,7 +91,7 @@ def test_a_merge_keeps_definitions_and_refuses_different_ones(site: Path, tmp_pa
     first, mine = run(site, "photo-bed", tmp_path / "a"), tmp_path / "mine"
     merge(ResultsDirectory.locate(mine), [merge_source(str(tmp_path / "a"))])
     with open_record(ResultsDirectory.locate(mine).database_url) as engine, engine.connect() as connection:
-        image = connection.execute(select(Goal.image).join(Trial, Trial.goal_id == Goal.id)).scalar_one()
+        image = connection.execute(select(GoalRow.image).join(TrialRow, TrialRow.goal_id == GoalRow.id)).scalar_one()
     assert image == (tmp_path / "bed.png").read_bytes()
     assert first.database_url
     write_site(tmp_path, GOALS.replace("targets: [bed-1]", "targets: [{category: bed}]"))

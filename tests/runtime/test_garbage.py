@@ -1,6 +1,5 @@
 import gc
-from types import SimpleNamespace
-from typing import Any
+from unittest.mock import MagicMock
 
 from vsnbench.runner.loop.run import run
 from vsnbench.runtime.garbage import collect_as_usual, collect_rarely
@@ -13,8 +12,8 @@ def test_garbage_is_collected_as_usual_once_trials_run() -> None:
         gc.set_threshold(700, 10, 10)
         collect_rarely()
         assert gc.get_threshold()[0] == 10_000
-        nothing: Any = SimpleNamespace(free=True, busy=False, next_trial=lambda: None, restock=lambda _: False)
-        assert run(nothing, nothing, nothing) == ""
+        nothing = MagicMock(free=True, busy=False, **{"next_trial.return_value": None, "restock.return_value": False})
+        assert run(nothing, MagicMock(robots=nothing)) == ""
         assert gc.get_threshold() == (700, 10, 10)
     finally:
         gc.set_threshold(*usual)

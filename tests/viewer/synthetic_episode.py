@@ -12,7 +12,7 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.schema.tables import Episode
+from vsnbench.results.schema.tables import EpisodeRow
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
@@ -83,7 +83,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
         handle = journal.claim_next(trial.campaign_id, [trial.id])
         assert handle is not None
         with journal.engine.begin() as connection:
-            connection.execute(update(Episode).values(uuid=UUID))
+            connection.execute(update(EpisodeRow).values(uuid=UUID))
         journal.place(handle.id, about.begin)
         journal.begin(handle.id, EpisodeBegin())
         directory = results.episode_directory(handle.images_directory)

@@ -23,7 +23,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.schema.tables import Step
+from vsnbench.results.schema.tables import StepRow
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.values.fix import PoseSource
@@ -197,7 +197,7 @@ def test_missing_and_damaged_images_are_named_in_a_warning(
 ) -> None:
     number = record(results, 3)
     with Journal.open(results.database_url) as journal, journal.engine.begin() as connection:
-        connection.execute(update(Step).values(rgb_digest="blake3:0", depth_digest="blake3:1"))
+        connection.execute(update(StepRow).values(rgb_digest="blake3:0", depth_digest="blake3:1"))
     directory = read_episode(results, number).directory
     rgb_path(directory, 2).unlink()
     damaged = depth_path(directory, 3)

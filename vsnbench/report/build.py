@@ -16,8 +16,8 @@ from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.failures import read_failures
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
 from vsnbench.report.analysis.operators import OperatorActivity, read_operator_activity
-from vsnbench.report.analysis.summary import Results, summarise
-from vsnbench.report.comparison.question import Question, questions
+from vsnbench.report.analysis.summary import ReportResults, summarise
+from vsnbench.report.comparison.question import ModelQuestion, questions
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.table import ReportTable
 from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
@@ -81,12 +81,12 @@ class Report:
     """A record, its statistics and its tables."""
 
     record: ReportData
-    results: Results
+    results: ReportResults
     activity: Activity | None = None
     """None if only the rates were requested."""
     reference: bool = False
     """Show the paper's results next to the recorded ones."""
-    questions: tuple[Question, ...] = ()
+    questions: tuple[ModelQuestion, ...] = ()
     """Comparisons of models; empty if only the rates were requested."""
     operator_activity: OperatorActivity | None = None
     """None without operators, or with one operator in one session."""

@@ -20,7 +20,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.blinding import HIDDEN_COLUMNS, blind_episodes
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.results.schema.tables import Episode, Step
+from vsnbench.results.schema.tables import EpisodeRow, StepRow
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,15 +105,15 @@ class Results:
         import pandas as pd
 
         numbers = _episode_numbers(episodes)
-        columns = [column for column in Step.__table__.columns if column.name not in ("probabilities", "details")]
-        query = select(*columns).order_by(Step.episode_id, Step.number)
+        columns = [column for column in StepRow.__table__.columns if column.name not in ("probabilities", "details")]
+        query = select(*columns).order_by(StepRow.episode_id, StepRow.number)
         with open_record(self._url) as engine, record_errors(engine), engine.connect() as connection:
             if not episodes:
                 rows = list(connection.execute(query))
             else:
-                known = sorted(numbers.intersection(connection.scalars(select(Episode.id))))
+                known = sorted(numbers.intersection(connection.scalars(select(EpisodeRow.id))))
                 parts = [known[first : first + _IN_ONE_QUERY] for first in range(0, len(known), _IN_ONE_QUERY)]
-                rows = [row for part in parts for row in connection.execute(query.where(Step.episode_id.in_(part)))]
+                rows = [row for part in parts for row in connection.execute(query.where(StepRow.episode_id.in_(part)))]
             blind = blind_episodes(connection)
         frame = pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
         hidden = frame["episode_id"].isin(blind)

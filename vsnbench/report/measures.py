@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import Enum
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from vsnbench.report.table import (
     EMPTY,
-    Cell,
     Column,
     ReportTable,
     Row,
+    TableCell,
     decimal,
     interval_cell,
     of,
@@ -42,12 +42,12 @@ def known(value: Any) -> Any:
     return value.isoformat() if isinstance(value, datetime) else value
 
 
-def _text(value: Any) -> Cell:
-    return EMPTY if value is None else value if isinstance(value, Cell) else Cell(str(value))
+def _text(value: Any) -> TableCell:
+    return EMPTY if value is None else value if isinstance(value, TableCell) else TableCell(str(value))
 
 
-def _count(value: int | None) -> Cell:
-    return EMPTY if value is None else Cell(str(value), value)
+def _count(value: int | None) -> TableCell:
+    return EMPTY if value is None else TableCell(str(value), value)
 
 
 Part = Callable[[Any], Any] | str
@@ -69,7 +69,7 @@ class Form:
 
     schema: Mapping[str, Any]
     """JSON schema of a value that is known."""
-    cell: Callable[[Any], Cell] = _text
+    cell: Callable[[Any], TableCell] = _text
     number: bool = True
     """Whether cells are right-aligned."""
     json: Callable[[Any], Any] = known
@@ -186,16 +186,29 @@ class Measures(tuple[Measure, ...]):
     common: str = ""
     """Name of the object among those of common.json."""
 
+    def __new__(cls, *measures: Measure) -> Self:
+        """Return measures in order."""
+        return super().__new__(cls, measures)
+
     @classmethod
-    def shared(cls, name: str, measures: Iterable[Measure]) -> "Measures":
+    def shared(cls, name: str, *measures: Measure) -> Self:
         """Return the measures of an object to which several schemas refer by name."""
-        found = cls(measures)
+        found = cls(*measures)
         found.common = name
         return found
 
     def named(self, key: str) -> Measure:
         """Return the measure with this key."""
         return next(measure for measure in self if measure.key == key)
+
+    def in_columns(self, *names: str) -> "Measures":
+        """Return the same measures with columns in this order, named by heading or key, where JSON has another."""
+        found = Measures(*self)
+        by_name = {measure.key: measure for measure in self.shown} | {
+            measure.heading: measure for measure in self.shown
+        }
+        found.shown = tuple(by_name[name] for name in names)
+        return found
 
     @cached_property
     def shown(self) -> tuple[Measure, ...]:
@@ -207,11 +220,11 @@ class Measures(tuple[Measure, ...]):
         """Columns of a table."""
         return tuple(measure.column for measure in self.shown)
 
-    def cells(self, row: Any) -> tuple[Cell, ...]:
+    def cells(self, row: Any) -> tuple[TableCell, ...]:
         """Return the cells of a row."""
         return tuple(measure.form.cell(measure.value(row)) for measure in self.shown)
 
-    def row(self, row: Any, *first: Cell, total: bool = False) -> Row:
+    def row(self, row: Any, *first: TableCell, total: bool = False) -> Row:
         """Return a row of a table, with cells before those of the measures."""
         return Row((*first, *self.cells(row)), total)
 
@@ -239,7 +252,7 @@ class Measures(tuple[Measure, ...]):
         def of(measure: Measure) -> Callable[[Any], Any]:
             return lambda row: measure.value(part_of(row, part))
 
-        return Measures(replace(measure, of=of(measure)) for measure in self)
+        return Measures(*(replace(measure, of=of(measure)) for measure in self))
 
     @property
     def reference(self) -> dict[str, Any]:

@@ -17,7 +17,9 @@ from vsnbench.report.formats.markdown import markdown
 from vsnbench.report.measures import TEXTS, Measure, Measures
 from vsnbench.report.table import ReportTable
 
-FILES = Measures((Measure("files", TEXTS, "paths of the written files"),))
+FILES = Measures(
+    Measure("files", TEXTS, "paths of the written files"),
+)
 """The JSON object of the commands that write a report into a directory."""
 Named = TypeVar("Named", ReportTable, Drawing)
 

@@ -42,7 +42,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TableCell:
     """A text, with a sort value if the text would sort wrongly."""
 
     text: str
@@ -60,7 +60,7 @@ class Cell:
 class Row:
     """A row of a table; totals are separated from the other rows."""
 
-    cells: tuple[Cell, ...]
+    cells: tuple[TableCell, ...]
     total: bool = False
 
 
@@ -87,61 +87,63 @@ class ReportTable:
                 )
 
 
-EMPTY = Cell(UNKNOWN, -math.inf)
+EMPTY = TableCell(UNKNOWN, -math.inf)
 """A dash, which sorts first."""
 
 
-def row(*values: Cell | str | int | None, total: bool = False) -> Row:
+def row(*values: TableCell | str | int | None, total: bool = False) -> Row:
     """Return a row of cells, texts and integers; None is a dash."""
-    return Row(tuple(value if isinstance(value, Cell) else _cell(value) for value in values), total)
+    return Row(tuple(value if isinstance(value, TableCell) else _cell(value) for value in values), total)
 
 
-def _cell(value: str | int | None) -> Cell:
+def _cell(value: str | int | None) -> TableCell:
     if value is None:
         return EMPTY
-    return Cell(value) if isinstance(value, str) else Cell(str(value), value)
+    return TableCell(value) if isinstance(value, str) else TableCell(str(value), value)
 
 
-def of(part: int, whole: int) -> Cell:
+def of(part: int, whole: int) -> TableCell:
     """Return a cell like 22/75, sorted by the ratio."""
-    return Cell(f"{part}/{whole}", part / whole if whole else -1.0)
+    return TableCell(f"{part}/{whole}", part / whole if whole else -1.0)
 
 
-def decimal(number: float, places: int) -> Cell:
+def decimal(number: float, places: int) -> TableCell:
     """Return a cell with a fixed number of decimals, or a dash for NaN, which sorts first."""
-    return Cell(f"{number:.{places}f}", number) if math.isfinite(number) else EMPTY
+    return TableCell(f"{number:.{places}f}", number) if math.isfinite(number) else EMPTY
 
 
-def goal_distance(distance_m: float, success_distance_m: float | None) -> Cell:
+def goal_distance(distance_m: float, success_distance_m: float | None) -> TableCell:
     """Return a cell with a distance to the goal, rounded so that it stays on its side of the success distance."""
     if not math.isfinite(distance_m):
         return EMPTY
-    return Cell(distance_text(distance_m, success_distance_m), distance_m)
+    return TableCell(distance_text(distance_m, success_distance_m), distance_m)
 
 
-def percent(share: float, places: int = 2) -> Cell:
+def percent(share: float, places: int = 2) -> TableCell:
     """Return a cell with a ratio in percent."""
     return decimal(share * 100, places)
 
 
-def p_cell(value: float) -> Cell:
+def p_cell(value: float) -> TableCell:
     """Return a cell with a p-value."""
-    return Cell("< 0.001", value) if value < 0.001 else decimal(value, 3)
+    return TableCell("< 0.001", value) if value < 0.001 else decimal(value, 3)
 
 
-def interval_cell(interval: "Interval", places: int, factor: int = 1) -> Cell:
+def interval_cell(interval: "Interval", places: int, factor: int = 1) -> TableCell:
     """Return a cell with an interval times a factor, sorted by its lower end; a dash if it is unknown."""
     if not interval.known:
         return EMPTY
-    return Cell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
+    return TableCell(f"[{interval.low * factor:.{places}f}, {interval.high * factor:.{places}f}]", interval.low)
 
 
-def interval_percent(interval: "Interval", places: int = 2) -> Cell:
+def interval_percent(interval: "Interval", places: int = 2) -> TableCell:
     """Return a cell with an interval in percent, sorted by its lower end."""
     return interval_cell(interval, places, 100)
 
 
-def rate_cells(proportion: "Proportion", interval: "Interval", places: int = 2) -> tuple[Cell, Cell, Cell]:
+def rate_cells(
+    proportion: "Proportion", interval: "Interval", places: int = 2
+) -> tuple[TableCell, TableCell, TableCell]:
     """Return the cells of k/n, success rate and its interval in percent."""
     return (
         of(proportion.successes, proportion.trials),

@@ -12,7 +12,7 @@ from sqlalchemy import ColumnElement, Connection, exists, insert, select
 
 from vsnbench.errors import UsageError
 from vsnbench.results.schema.row_encoding import event_row, parts
-from vsnbench.results.schema.tables import Episode, Event, Verdict
+from vsnbench.results.schema.tables import EpisodeRow, EventRow, VerdictRow
 from vsnbench.text.sanitize import sanitize
 
 NOTE: Final = "note"
@@ -68,7 +68,7 @@ def annotate(connection: Connection, episode_ids: Collection[int], annotation: A
 
     A tag that the episode already has, or no longer has, is not repeated.
     """
-    known = set(connection.scalars(select(Episode.id).where(Episode.id.in_(list(episode_ids)))))
+    known = set(connection.scalars(select(EpisodeRow.id).where(EpisodeRow.id.in_(list(episode_ids)))))
     if missing := [number for number in episode_ids if number not in known]:
         raise UsageError(
             f"episode {missing[0]} does not exist",
@@ -84,7 +84,7 @@ def annotate(connection: Connection, episode_ids: Collection[int], annotation: A
         changes += [(UNTAGGED, tag) for tag in annotation.removed_tags if tag in tags]
         rows += [event_row(kind, words, author=author, episode_id=number) for kind, words in changes]
     if rows:
-        connection.execute(insert(Event), rows)
+        connection.execute(insert(EventRow), rows)
 
 
 def tags_of(connection: Connection, episode_ids: Iterable[int]) -> dict[int, tuple[str, ...]]:
@@ -92,9 +92,9 @@ def tags_of(connection: Connection, episode_ids: Iterable[int]) -> dict[int, tup
     latest: dict[int, dict[str, bool]] = {}
     for some in parts(episode_ids):
         query = (
-            select(Event.episode_id, Event.text, Event.kind)
-            .where(Event.episode_id.in_(some), Event.kind.in_([TAGGED, UNTAGGED]))
-            .order_by(Event.created_at, Event.id)
+            select(EventRow.episode_id, EventRow.text, EventRow.kind)
+            .where(EventRow.episode_id.in_(some), EventRow.kind.in_([TAGGED, UNTAGGED]))
+            .order_by(EventRow.created_at, EventRow.id)
         )
         for number, tag, kind in connection.execute(query):
             if number is not None:
@@ -106,11 +106,11 @@ def tags_of(connection: Connection, episode_ids: Iterable[int]) -> dict[int, tup
 def has_tag(tag: str) -> ColumnElement[bool]:
     """Return the condition that an episode has a tag."""
     latest = (
-        select(Event.kind)
-        .where(Event.episode_id == Episode.id, Event.kind.in_([TAGGED, UNTAGGED]), Event.text == tag)
-        .order_by(Event.created_at.desc(), Event.id.desc())
+        select(EventRow.kind)
+        .where(EventRow.episode_id == EpisodeRow.id, EventRow.kind.in_([TAGGED, UNTAGGED]), EventRow.text == tag)
+        .order_by(EventRow.created_at.desc(), EventRow.id.desc())
         .limit(1)
-        .correlate(Episode)
+        .correlate(EpisodeRow)
         .scalar_subquery()
     )
     return latest == TAGGED
@@ -119,7 +119,7 @@ def has_tag(tag: str) -> ColumnElement[bool]:
 def has_note(words: str) -> ColumnElement[bool]:
     """Return the condition that a note, or the note of a verdict, contains these words in any case."""
     note = exists().where(
-        Event.episode_id == Episode.id, Event.kind == NOTE, Event.text.icontains(words, autoescape=True)
+        EventRow.episode_id == EpisodeRow.id, EventRow.kind == NOTE, EventRow.text.icontains(words, autoescape=True)
     )
-    judged = exists().where(Verdict.episode_id == Episode.id, Verdict.note.icontains(words, autoescape=True))
-    return note.correlate(Episode) | judged.correlate(Episode)
+    judged = exists().where(VerdictRow.episode_id == EpisodeRow.id, VerdictRow.note.icontains(words, autoescape=True))
+    return note.correlate(EpisodeRow) | judged.correlate(EpisodeRow)

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, select
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.results.fields import quantity
 from vsnbench.results.schema.row_encoding import find_or_insert
-from vsnbench.results.schema.tables import Campaign, Goal, Site, Trial
+from vsnbench.results.schema.tables import CampaignRow, GoalRow, SiteRow, TrialRow
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.values.goal import GoalKind
 
@@ -71,7 +71,7 @@ def store_goals(
             )
         row = {"sha256": goal.sha256, "name": goal.id, "kind": goal.kind.value, "content": goal.content()}
         image = None if goal.image is None else goal.image.data
-        numbers[goal.id] = find_or_insert(connection, Goal, {**row, "image": image}, "sha256")
+        numbers[goal.id] = find_or_insert(connection, GoalRow, {**row, "image": image}, "sha256")
     for name in names:
         if name not in numbers and recorded.get(name) is not None:
             raise UsageError(
@@ -85,9 +85,9 @@ def store_goals(
 def goals_of_campaign(connection: Connection, campaign_id: int) -> dict[str, RecordedGoal | None]:
     """Return the goals of a campaign's trials by name; None for a category."""
     rows = connection.execute(
-        select(Trial.goal, Goal.kind, Goal.sha256, Goal.content)
-        .outerjoin(Goal, Goal.id == Trial.goal_id)
-        .where(Trial.campaign_id == campaign_id)
+        select(TrialRow.goal, GoalRow.kind, GoalRow.sha256, GoalRow.content)
+        .outerjoin(GoalRow, GoalRow.id == TrialRow.goal_id)
+        .where(TrialRow.campaign_id == campaign_id)
         .distinct()
     )
     return {
@@ -102,8 +102,10 @@ def goal_of_trial(connection: Connection, trial_id: int) -> RecordedGoal | None:
     Raises:
         RecordError: the definition is invalid.
     """
-    query = select(Goal.name, Goal.kind, Goal.sha256, Goal.content)
-    row = connection.execute(query.join(Trial, Trial.goal_id == Goal.id).where(Trial.id == trial_id)).first()
+    query = select(GoalRow.name, GoalRow.kind, GoalRow.sha256, GoalRow.content)
+    row = connection.execute(
+        query.join(TrialRow, TrialRow.goal_id == GoalRow.id).where(TrialRow.id == trial_id)
+    ).first()
     if row is None:
         return None
     try:
@@ -117,9 +119,9 @@ def goal_of_trial(connection: Connection, trial_id: int) -> RecordedGoal | None:
 def with_goals(connection: Connection, content: dict[str, Any], campaigns: Sequence[int]) -> dict[str, Any]:
     """Return the content of a site with the goals of campaigns there, so that it reads as the site of their trials."""
     rows = connection.execute(
-        select(Goal.name, Goal.content)
-        .where(Goal.id.in_(select(Trial.goal_id).where(Trial.campaign_id.in_(list(campaigns)))))
-        .order_by(Goal.id)
+        select(GoalRow.name, GoalRow.content)
+        .where(GoalRow.id.in_(select(TrialRow.goal_id).where(TrialRow.campaign_id.in_(list(campaigns)))))
+        .order_by(GoalRow.id)
     )
     goals = {row.name: row.content for row in rows}
     if not goals or not isinstance(content, Mapping):  # a record of unknown origin may hold anything
@@ -130,14 +132,14 @@ def with_goals(connection: Connection, content: dict[str, Any], campaigns: Seque
 def site_contents(connection: Connection, campaigns: Iterable[int]) -> dict[str, dict[str, Any]]:
     """Return the contents of the sites of campaigns with the goals there, by hash of the site."""
     campaigns_at: dict[int, list[int]] = {}
-    for campaign, site in connection.execute(select(Campaign.id, Campaign.site_id)):
+    for campaign, site in connection.execute(select(CampaignRow.id, CampaignRow.site_id)):
         campaigns_at.setdefault(site, []).append(campaign)
     wanted = set(campaigns)
     return {
         row.sha256: with_goals(
             connection, row.content, [campaign for campaign in campaigns_at[row.id] if campaign in wanted]
         )
-        for row in connection.execute(select(Site.id, Site.sha256, Site.content))
+        for row in connection.execute(select(SiteRow.id, SiteRow.sha256, SiteRow.content))
         if not wanted.isdisjoint(campaigns_at.get(row.id, ()))
     }
 
@@ -150,14 +152,14 @@ def ambiguous_names(connection: Connection) -> dict[tuple[int, str], str]:
     Returns:
         (Number of the campaign, name of the goal) -> distinct name. Empty in records without such goals.
     """
-    if connection.scalar(select(Goal.id).limit(1)) is None:
+    if connection.scalar(select(GoalRow.id).limit(1)) is None:
         return {}
     rows = connection.execute(
-        select(Site.name, Trial.goal, Campaign.id, Goal.sha256)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .outerjoin(Goal, Goal.id == Trial.goal_id)
-        .where(Trial.goal.in_(select(Goal.name)))
+        select(SiteRow.name, TrialRow.goal, CampaignRow.id, GoalRow.sha256)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .join(SiteRow, SiteRow.id == CampaignRow.site_id)
+        .outerjoin(GoalRow, GoalRow.id == TrialRow.goal_id)
+        .where(TrialRow.goal.in_(select(GoalRow.name)))
         .distinct()
     ).all()
     hashes: dict[tuple[str, str], set[str]] = {}
@@ -178,7 +180,9 @@ def distinct_name(name: str, sha256: str) -> str:
 def definitions(connection: Connection) -> dict[str, RecordedGoal]:
     """Return the recorded definitions by name, the latest of each name, and by distinct name."""
     found: dict[str, RecordedGoal] = {}
-    for row in connection.execute(select(Goal.name, Goal.kind, Goal.sha256, Goal.content).order_by(Goal.id)):
+    for row in connection.execute(
+        select(GoalRow.name, GoalRow.kind, GoalRow.sha256, GoalRow.content).order_by(GoalRow.id)
+    ):
         goal = RecordedGoal(row.name, GoalKind(row.kind), row.sha256, row.content)
         found[goal.name] = found[distinct_name(goal.name, goal.sha256)] = goal
     return found

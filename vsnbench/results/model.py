@@ -24,7 +24,7 @@ from vsnbench.values.goal import GoalKind
 END_REASONS = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
 SOURCES = "`simulated`, `surveyed`, `measured`, `tape` or `estimated`"
 _UNTIL_END = "until the episode has ended"
-_ROW = tables.Episode
+_ROW = tables.EpisodeRow
 
 
 def _progress(state: str, shortest_m: float | None, remaining_m: float | None) -> float | None:
@@ -46,25 +46,25 @@ class Episode:
     id: int = quantity("number of the episode in this record", _ROW.id, column="episode")
     uuid: str = quantity("identity of the episode in every record", _ROW.uuid)
     campaign: str = quantity("name of the campaign", read.CAMPAIGN_NAME)
-    campaign_id: int = quantity("number of the campaign in this record", tables.Trial.campaign_id, column="campaign")
+    campaign_id: int = quantity("number of the campaign in this record", tables.TrialRow.campaign_id, column="campaign")
     model: str = quantity("name of the model; its code while a study is blinded", read.MODEL_NAME)
     disturbances: str = quantity(
-        "disturbances, as for `--disturb`; empty without any", tables.Campaign.conditions, decode=text_of_conditions
+        "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
-    robot: str = quantity("name of the robot profile", tables.Robot.name)
-    simulated: bool = quantity("the robot is simulated", tables.Robot.simulated)
-    site: str = quantity("name of the site", tables.Site.name)
-    goal: str = quantity("goal category, or name of a goal of the site file", tables.Trial.goal)
+    robot: str = quantity("name of the robot profile", tables.RobotRow.name)
+    simulated: bool = quantity("the robot is simulated", tables.RobotRow.simulated)
+    site: str = quantity("name of the site", tables.SiteRow.name)
+    goal: str = quantity("goal category, or name of a goal of the site file", tables.TrialRow.goal)
     goal_kind: str = quantity(
-        "`category`, `text`, `image` or `instruction`", func.coalesce(tables.Goal.kind, GoalKind.CATEGORY.value)
+        "`category`, `text`, `image` or `instruction`", func.coalesce(tables.GoalRow.kind, GoalKind.CATEGORY.value)
     )
     goal_text: str = quantity(
         "words of a text goal, an instruction or a category of the site file; empty otherwise",
-        tables.Goal.content,
+        tables.GoalRow.content,
         decode=lambda content: goal_text(content or {}),
     )
-    start: int = quantity("number of the starting position; 0 if unknown", tables.Trial.start)
-    repetition: int = quantity("number of the repetition, from 1", tables.Trial.repetition)
+    start: int = quantity("number of the starting position; 0 if unknown", tables.TrialRow.start)
+    repetition: int = quantity("number of the repetition, from 1", tables.TrialRow.repetition)
     seed: int = quantity("seed of the random choices of this episode", _ROW.seed)
     origin: str = quantity("`run`, or `imported` from another tool", _ROW.origin)
     state: Literal["counted", "unjudged", "void", "superseded", "running"] = quantity(
@@ -119,7 +119,7 @@ class Episode:
     )
     success_distance_m: float | None = quantity(
         "success distance of the protocol",
-        tables.Campaign.protocol["success_distance_m"].as_float(),
+        tables.CampaignRow.protocol["success_distance_m"].as_float(),
         absent="if it has none",
     )
     tags: tuple[str, ...] = quantity("tags in alphabetical order")
@@ -129,31 +129,33 @@ class Episode:
 class RecordedVerdict:
     """A judgement, or a proposal of the protocol; the latest judgement is current."""
 
-    created_at: datetime = quantity("time of the verdict", tables.Verdict.created_at)
-    proposed: bool = quantity("proposal of the protocol that awaits a person", tables.Verdict.proposed)
-    success: bool | None = quantity("success", tables.Verdict.success, absent="for void")
-    end_reason: str = quantity(END_REASONS, tables.Verdict.end_reason)
-    distance_m: float | None = quantity("distance to the goal", tables.Verdict.distance_m)
-    distance_source: str | None = quantity(SOURCES, tables.Verdict.distance_source, absent="without a distance")
-    goal_instance: str | None = quantity("id of the nearest object that counts", tables.Verdict.goal_instance)
-    goal_in_sight: bool | None = quantity("no wall hid the goal at the end", tables.Verdict.goal_in_sight)
-    author: str = quantity("name of the person, or `vsnbench`", tables.Verdict.author)
-    source: str = quantity("`protocol`, `person`, `recovery` or `import`", tables.Verdict.source)
-    reason: str = quantity("verdict in words", tables.Verdict.reason)
-    note: str = quantity("reason that the author gave; may be empty", tables.Verdict.note)
+    created_at: datetime = quantity("time of the verdict", tables.VerdictRow.created_at)
+    proposed: bool = quantity("proposal of the protocol that awaits a person", tables.VerdictRow.proposed)
+    success: bool | None = quantity("success", tables.VerdictRow.success, absent="for void")
+    end_reason: str = quantity(END_REASONS, tables.VerdictRow.end_reason)
+    distance_m: float | None = quantity("distance to the goal", tables.VerdictRow.distance_m)
+    distance_source: str | None = quantity(SOURCES, tables.VerdictRow.distance_source, absent="without a distance")
+    goal_instance: str | None = quantity("id of the nearest object that counts", tables.VerdictRow.goal_instance)
+    goal_in_sight: bool | None = quantity("no wall hid the goal at the end", tables.VerdictRow.goal_in_sight)
+    author: str = quantity("name of the person, or `vsnbench`", tables.VerdictRow.author)
+    source: str = quantity("`protocol`, `person`, `recovery` or `import`", tables.VerdictRow.source)
+    reason: str = quantity("verdict in words", tables.VerdictRow.reason)
+    note: str = quantity("reason that the author gave; may be empty", tables.VerdictRow.note)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedEvent:
     """An event of an episode."""
 
-    created_at: datetime = quantity("time of the event", tables.Event.created_at)
+    created_at: datetime = quantity("time of the event", tables.EventRow.created_at)
     step_number: int | None = quantity(
-        "number of the step at which it happened", tables.Event.step_number, absent="if it belongs to the whole episode"
+        "number of the step at which it happened",
+        tables.EventRow.step_number,
+        absent="if it belongs to the whole episode",
     )
-    kind: str = quantity("kind of event, such as `note` or `intervention`", tables.Event.kind)
-    author: str = quantity("person who caused it; empty without one", tables.Event.author)
-    text: str = quantity("content of the event", tables.Event.text)
+    kind: str = quantity("kind of event, such as `note` or `intervention`", tables.EventRow.kind)
+    author: str = quantity("person who caused it; empty without one", tables.EventRow.author)
+    text: str = quantity("content of the event", tables.EventRow.text)
 
     @property
     def statement(self) -> str:
@@ -165,38 +167,40 @@ class RecordedEvent:
 class EpisodeProvenance:
     """Data that an episode's result depends on."""
 
-    vsnbench_version: str = quantity("version of vsnbench", tables.Process.vsnbench_version)
-    git_commit: str = quantity("commit of a checkout; empty if installed", tables.Process.git_commit)
-    git_dirty: bool = quantity("the checkout had changes", tables.Process.git_dirty)
-    host: str = quantity("name of the computer", tables.Process.host)
-    operator: str = quantity("person who started the command", tables.Process.operator)
-    command: str = quantity("command line, without passwords", tables.Process.command)
-    packages: dict[str, str] = quantity("package → version", tables.Process.packages)
-    platform: dict[str, str] = quantity("facts about the machine and Python", tables.Process.platform)
+    vsnbench_version: str = quantity("version of vsnbench", tables.ProcessRow.vsnbench_version)
+    git_commit: str = quantity("commit of a checkout; empty if installed", tables.ProcessRow.git_commit)
+    git_dirty: bool = quantity("the checkout had changes", tables.ProcessRow.git_dirty)
+    host: str = quantity("name of the computer", tables.ProcessRow.host)
+    operator: str = quantity("person who started the command", tables.ProcessRow.operator)
+    command: str = quantity("command line, without passwords", tables.ProcessRow.command)
+    packages: dict[str, str] = quantity("package → version", tables.ProcessRow.packages)
+    platform: dict[str, str] = quantity("facts about the machine and Python", tables.ProcessRow.platform)
     weights_sha256: str = quantity(
-        "SHA-256 of the weights file; empty without weights", tables.Model.weights_sha256, hidden=True
+        "SHA-256 of the weights file; empty without weights", tables.ModelRow.weights_sha256, hidden=True
     )
     weights_label: str = quantity(
-        "name or description of the weights; empty without weights", tables.Model.weights_label, hidden=True
+        "name or description of the weights; empty without weights", tables.ModelRow.weights_label, hidden=True
     )
-    model_files: dict[str, str] = quantity("file of the model → SHA-256", tables.Model.files, hidden=True)
+    model_files: dict[str, str] = quantity("file of the model → SHA-256", tables.ModelRow.files, hidden=True)
     model_code: dict[str, str] = quantity(
-        "source of the model's class: module, hashes, commit; empty for built-in models", tables.Model.code, hidden=True
+        "source of the model's class: module, hashes, commit; empty for built-in models",
+        tables.ModelRow.code,
+        hidden=True,
     )
     model_settings: dict[str, Any] = quantity(
-        "settings of the model; keys depend on the model", tables.Model.settings, hidden=True
+        "settings of the model; keys depend on the model", tables.ModelRow.settings, hidden=True
     )
     robot_kind: str = quantity(
-        "kind of robot: `simulated`, `ros1`, `ros2`, `imported` or the class of a plug-in", tables.Robot.kind
+        "kind of robot: `simulated`, `ros1`, `ros2`, `imported` or the class of a plug-in", tables.RobotRow.kind
     )
-    robot_profile: dict[str, Any] = quantity("robot profile as recorded", tables.Robot.profile)
-    site_sha256: str = quantity("SHA-256 of the site's content", tables.Site.sha256)
-    site_content: dict[str, Any] = quantity("site file as recorded", tables.Site.content)
-    protocol: dict[str, Any] = quantity("parameters of the protocol", tables.Campaign.protocol)
-    protocol_sha256: str = quantity("SHA-256 of the parameters", tables.Campaign.protocol_sha256)
-    conditions: dict[str, Any] = quantity("circumstances; keys depend on the robot", tables.Campaign.conditions)
-    campaign_key: str = quantity("identity of the campaign in every record", tables.Campaign.key, hidden=True)
-    campaign_seed: int = quantity("seed of the campaign", tables.Campaign.seed)
+    robot_profile: dict[str, Any] = quantity("robot profile as recorded", tables.RobotRow.profile)
+    site_sha256: str = quantity("SHA-256 of the site's content", tables.SiteRow.sha256)
+    site_content: dict[str, Any] = quantity("site file as recorded", tables.SiteRow.content)
+    protocol: dict[str, Any] = quantity("parameters of the protocol", tables.CampaignRow.protocol)
+    protocol_sha256: str = quantity("SHA-256 of the parameters", tables.CampaignRow.protocol_sha256)
+    conditions: dict[str, Any] = quantity("circumstances; keys depend on the robot", tables.CampaignRow.conditions)
+    campaign_key: str = quantity("identity of the campaign in every record", tables.CampaignRow.key, hidden=True)
+    campaign_seed: int = quantity("seed of the campaign", tables.CampaignRow.seed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,30 +228,35 @@ class EpisodeRecord(Episode):
 
 
 def _trials(*conditions: Any) -> Any:
-    trials = select(func.count(tables.Trial.id.distinct())).where(tables.Trial.campaign_id == tables.Campaign.id)
-    return trials.where(*conditions).correlate(tables.Campaign).scalar_subquery()
+    trials = select(func.count(tables.TrialRow.id.distinct())).where(
+        tables.TrialRow.campaign_id == tables.CampaignRow.id
+    )
+    return trials.where(*conditions).correlate(tables.CampaignRow).scalar_subquery()
 
 
-_HAS_RESULT = tables.Episode.trial_id == tables.Trial.id, tables.Episode.state.in_([state.value for state in RESULTS])
+_HAS_RESULT = (
+    tables.EpisodeRow.trial_id == tables.TrialRow.id,
+    tables.EpisodeRow.state.in_([state.value for state in RESULTS]),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
     """A campaign with its progress."""
 
-    id: int = quantity("number of the campaign in this record", tables.Campaign.id)
+    id: int = quantity("number of the campaign in this record", tables.CampaignRow.id)
     key: str = quantity("identity of the campaign in every record", read.CAMPAIGN_KEY)
     name: str = quantity("name of the campaign", read.CAMPAIGN_NAME)
-    created_at: datetime = quantity("time of creation", tables.Campaign.created_at)
+    created_at: datetime = quantity("time of creation", tables.CampaignRow.created_at)
     model: str = quantity("name of the model", read.MODEL_NAME)
-    robot: str = quantity("name of the robot profile", tables.Robot.name)
-    simulated: bool = quantity("the robot is simulated", tables.Robot.simulated)
-    site: str = quantity("name of the site", tables.Site.name)
-    seed: int = quantity("seed of all random choices", tables.Campaign.seed)
+    robot: str = quantity("name of the robot profile", tables.RobotRow.name)
+    simulated: bool = quantity("the robot is simulated", tables.RobotRow.simulated)
+    site: str = quantity("name of the site", tables.SiteRow.name)
+    seed: int = quantity("seed of all random choices", tables.CampaignRow.seed)
     trials: int = quantity("number of planned trials", _trials())
     done: int = quantity("number of trials with a result", _trials(*_HAS_RESULT))
     disturbances: str = quantity(
-        "disturbances, as for `--disturb`; empty without any", tables.Campaign.conditions, decode=text_of_conditions
+        "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
 
     @property

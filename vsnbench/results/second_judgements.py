@@ -14,7 +14,7 @@ from sqlalchemy import Connection, insert, select
 from vsnbench.errors import UsageError
 from vsnbench.results.reading.read_model import COUNTS, episodes_of_trials
 from vsnbench.results.schema.row_encoding import event_row, parts
-from vsnbench.results.schema.tables import Episode, Event, Session, Verdict
+from vsnbench.results.schema.tables import EpisodeRow, EventRow, SessionRow, VerdictRow
 from vsnbench.results.writing.lifecycle import EpisodeState
 
 PERSON: Final = "person"
@@ -61,8 +61,8 @@ def person_key(name: str) -> str:
 
 def judged_episodes(connection: Connection) -> dict[int, str]:
     """Return the number and UUID of each judged episode with images that counts for its trial."""
-    query = episodes_of_trials(Episode.id, Episode.uuid).where(
-        COUNTS, Episode.state == EpisodeState.JUDGED.value, Episode.images_directory != ""
+    query = episodes_of_trials(EpisodeRow.id, EpisodeRow.uuid).where(
+        COUNTS, EpisodeRow.state == EpisodeState.JUDGED.value, EpisodeRow.images_directory != ""
     )
     return {row.id: row.uuid for row in connection.execute(query)}
 
@@ -71,10 +71,10 @@ def first_judges(connection: Connection, episodes: Collection[int]) -> dict[int,
     """Return who has judged these episodes or was the operator of their session."""
     found: dict[int, set[str]] = {}
     for some in parts(episodes):
-        judges = select(Verdict.episode_id, Verdict.author)
-        judges = judges.where(Verdict.source == PERSON, Verdict.episode_id.in_(some))
-        operators = select(Episode.id, Session.operator).join(Session, Session.id == Episode.session_id)
-        operators = operators.where(Episode.id.in_(some))
+        judges = select(VerdictRow.episode_id, VerdictRow.author)
+        judges = judges.where(VerdictRow.source == PERSON, VerdictRow.episode_id.in_(some))
+        operators = select(EpisodeRow.id, SessionRow.operator).join(SessionRow, SessionRow.id == EpisodeRow.session_id)
+        operators = operators.where(EpisodeRow.id.in_(some))
         for query in (judges, operators):
             for number, name in connection.execute(query):
                 found.setdefault(number, set()).add(name)
@@ -83,7 +83,7 @@ def first_judges(connection: Connection, episodes: Collection[int]) -> dict[int,
 
 def add_second_judgement(connection: Connection, episode: int, rater: str, outcome: Outcome, words: str) -> None:
     """Append a rater's answer within a transaction; see `Journal.judge_second`."""
-    state = connection.scalar(select(Episode.state).where(Episode.id == episode))
+    state = connection.scalar(select(EpisodeRow.state).where(EpisodeRow.id == episode))
     if state is None:
         raise UsageError(
             f"episode {episode} does not exist",
@@ -100,7 +100,7 @@ def add_second_judgement(connection: Connection, episode: int, rater: str, outco
             advice="a second judgement is another person's",
             code="first-judge",
         )
-    connection.execute(insert(Event), event_row(f"second_{outcome}", words, author=rater, episode_id=episode))
+    connection.execute(insert(EventRow), event_row(f"second_{outcome}", words, author=rater, episode_id=episode))
 
 
 def retract_second_judgement(connection: Connection, episode: int, rater: str) -> None:
@@ -111,17 +111,17 @@ def retract_second_judgement(connection: Connection, episode: int, rater: str) -
             advice="nothing to retract",
             code="no-second-judgement",
         )
-    connection.execute(insert(Event), event_row(_RETRACTED, "", author=rater, episode_id=episode))
+    connection.execute(insert(EventRow), event_row(_RETRACTED, "", author=rater, episode_id=episode))
 
 
 def second_judgements(connection: Connection, episodes: Collection[int] | None = None) -> tuple[SecondJudgement, ...]:
     """Return the latest answer of each rater about each of these episodes, or about all, by episode and rater."""
     latest: dict[tuple[int, str], SecondJudgement | None] = {}
-    query = select(Event.episode_id, Event.kind, Event.author, Event.text, Event.created_at)
-    query = query.where(Event.kind.in_([*_KINDS, _RETRACTED]))
+    query = select(EventRow.episode_id, EventRow.kind, EventRow.author, EventRow.text, EventRow.created_at)
+    query = query.where(EventRow.kind.in_([*_KINDS, _RETRACTED]))
     for some in [None] if episodes is None else parts(episodes):
-        part = query if some is None else query.where(Event.episode_id.in_(some))
-        for number, kind, rater, words, at in connection.execute(part.order_by(Event.created_at, Event.id)):
+        part = query if some is None else query.where(EventRow.episode_id.in_(some))
+        for number, kind, rater, words, at in connection.execute(part.order_by(EventRow.created_at, EventRow.id)):
             outcome = _KINDS.get(kind)
             if number is not None:
                 given = SecondJudgement(number, rater, outcome, words, at) if outcome is not None else None

@@ -28,7 +28,7 @@ def _of_collision(name: str) -> Callable[[StepRecord], Any]:
 
 
 def _step(name: str, kind: Any, meaning: str, get: Callable[[StepRecord], Any] | None = None, **how: Any) -> Field:
-    columns = tables.Step.__table__.c
+    columns = tables.StepRow.__table__.c
     sql = (columns[name],) if name in columns else ()
     return Field(name, kind, meaning, sql, get=get or attrgetter(name), **how)
 
@@ -40,6 +40,7 @@ STEP = Fields(
         _step("action", str, "action that the robot received"),
         _step("blocked", bool, "the depth guard prevented or ended it"),
         _step("completed", bool, "the robot completed it within its tolerances", _result("completed")),
+        _step("refusal", str, "why the depth guard refused it or ended it early; empty otherwise"),
         _step("failure", str, "why the robot did not complete it; empty otherwise", _result("failure")),
         _step(
             "recorded_at",

@@ -2,7 +2,7 @@
 
 import math
 
-from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Drive, Move, Trajectory, Waypoint, ahead, end_of, holds_heading, reach_m
 from vsnbench.values.pose import Pose, wrap_angle
 
 MAX_ERROR_M, MAX_ERROR_RAD = 0.10, math.radians(10)
@@ -40,9 +40,9 @@ def overshoot(movement: Drive, before: Pose, now: Pose) -> str:
             turned_deg, turn_deg = math.degrees(turned_rad), math.degrees(movement.turn_rad)
             return f"the robot has turned {turned_deg:.1f}° where {turn_deg:g}° were requested"
         return ""
-    reach_m, moved_m = _reach_m(movement), before.distance_to(now)
-    if moved_m > reach_m + MAX_ERROR_M:
-        return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {reach_m:.2f} m"
+    farthest_m, moved_m = reach_m(movement), before.distance_to(now)
+    if moved_m > farthest_m + MAX_ERROR_M:
+        return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {farthest_m:.2f} m"
     return ""
 
 
@@ -57,7 +57,7 @@ def contradiction(movement: Drive, before: Pose, after: Pose) -> str:
             f"the odometry moved {moved_m * 100:.1f} cm and turned {math.degrees(turned_rad):.1f}° instead of "
             f"{movement.distance_m * 100:g} cm and {math.degrees(movement.turn_rad):g}°"
         )
-    target = _target(movement)
+    target = end_of(movement)
     if target is None:
         return overshoot(movement, before, after)
     wanted = before.compose(target)
@@ -70,49 +70,14 @@ def contradiction(movement: Drive, before: Pose, after: Pose) -> str:
     return ""
 
 
-def goes_forward(movement: Drive) -> bool:
-    """Return whether the robot drives forward, where its camera looks."""
-    match movement:
-        case Move(distance_m):
-            return distance_m > 0
-        case Velocity(linear_m_s):
-            return linear_m_s > 0
-    return True
-
-
 def remaining_m(movement: Drive, before: Pose, now: Pose) -> float:
     """Return the distance that is left to the end; infinity for a trajectory, whose way is not straight."""
-    target = _target(movement)
+    target = end_of(movement)
     if target is None:
-        return max(_reach_m(movement) - before.distance_to(now), 0.0)
+        return max(reach_m(movement) - before.distance_to(now), 0.0)
     if isinstance(movement, Trajectory):
         return math.inf
     return before.compose(target).distance_to(now)
-
-
-def _target(movement: Drive) -> Pose | None:
-    """Return the pose at the end in the robot's frame; None for a velocity."""
-    match movement:
-        case Move(distance_m, turn_rad):
-            return Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad), turn_rad)
-        case Waypoint(x_m, y_m, heading_rad):
-            return Pose(x_m, y_m, heading_rad or 0.0)
-        case Trajectory(points):
-            return Pose(*points[-1])
-        case Velocity():
-            return None
-
-
-def _reach_m(movement: Drive) -> float:
-    match movement:
-        case Move(distance_m):
-            return abs(distance_m)
-        case Waypoint(x_m, y_m):
-            return math.hypot(x_m, y_m)
-        case Trajectory(points):
-            return max(math.hypot(*point) for point in points)
-        case Velocity(linear_m_s, _, duration_s):
-            return abs(linear_m_s) * duration_s
 
 
 def distance_along(before: Pose, after: Pose) -> float:
@@ -122,20 +87,10 @@ def distance_along(before: Pose, after: Pose) -> float:
 
 
 def displacement_m(movement: Drive, before: Pose, after: Pose) -> float:
-    """Return the distance between two poses in metres, negative if the robot drove backwards.
-
-    A point behind the robot is reached forwards, after a turn.
-    """
-    match movement:
-        case Move(holds_heading=True):
-            return distance_along(before, after)
-        case Move(distance_m):
-            backwards = distance_m < 0
-        case Velocity(linear_m_s):
-            backwards = linear_m_s < 0
-        case _:
-            backwards = False
-    return -before.distance_to(after) if backwards else before.distance_to(after)
+    """Return the distance between two poses in metres, negative if the robot drove backwards."""
+    if holds_heading(movement):
+        return distance_along(before, after)
+    return -before.distance_to(after) if ahead(movement) < 0 else before.distance_to(after)
 
 
 def _outside(value: float, requested: float, tolerance: float) -> bool:

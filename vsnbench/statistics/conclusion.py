@@ -49,7 +49,7 @@ class Conclusion(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class DifferenceEvidence:
     """Estimate, interval and p-value of a difference `first - second`."""
 
     difference: float
@@ -64,7 +64,7 @@ class Evidence:
     """Enough of the planned trials are complete for a conclusion."""
 
 
-def conclude(evidence: Evidence) -> Conclusion:
+def conclude(evidence: DifferenceEvidence) -> Conclusion:
     """Return the conclusion that the evidence supports."""
     if not evidence.complete or math.isnan(evidence.difference):
         return Conclusion.INCOMPLETE

@@ -10,8 +10,8 @@ from string import ascii_uppercase
 from typing import TypeVar
 
 from vsnbench.errors import StudyError
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.study.file import StudyFile
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 Item = TypeVar("Item")
 

@@ -20,7 +20,7 @@ from vsnbench.study.units import Block, UnitRule, UnitSeries, unit_rule, unit_se
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ArmQuestion:
     """One pair of arms, or an arm and a rate, with its current result."""
 
     first: str
@@ -56,7 +56,7 @@ class Question:
 class StoppingDecision:
     """State of a study with `stopping: decided`."""
 
-    questions: tuple[Question, ...]
+    questions: tuple[ArmQuestion, ...]
     dropped: Mapping[str, int]
     """Beaten arm -> number of units when it was dropped."""
     over: str
@@ -181,7 +181,7 @@ def _winner_and_loser(test: _SequentialTest, blocks: int) -> tuple[str | None, s
 
 def _question(
     study: StudyFile, test: _SequentialTest, rule: UnitRule, found: tuple[str | None, int | None], *, decided: bool
-) -> Question:
+) -> ArmQuestion:
     series, pair = test.series, (test.first, test.second)
     mine = sum(block.succeeded[test.first] for block in series.blocks)
     theirs = sum(block.succeeded[test.second] for block in series.blocks) if test.second else 0
@@ -193,7 +193,7 @@ def _question(
         difference, low, high = float(np.mean(series.values)), float(lows[-1]), float(highs[-1])
     if test.second:
         difference, low, high = 2 * difference - 1, 2 * low - 1, 2 * high - 1
-    return Question(
+    return ArmQuestion(
         first=test.first,
         second=test.second,
         units=test.units,
@@ -219,7 +219,7 @@ def _mean(values: Sequence[float]) -> float:
 def _stop_reason(
     study: StudyFile,
     tests: Sequence[_SequentialTest],
-    questions: Sequence[Question],
+    questions: Sequence[ArmQuestion],
     dropped: Mapping[str, int],
     rule: UnitRule,
 ) -> str:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from vsnbench.errors import DecisionError
 from vsnbench.values.action import Action
+from vsnbench.values.pose import Pose
 
 MAX_DISTANCE_M: Final = 5.0
 """Maximum distance of a move or a waypoint, and between points of a trajectory."""
@@ -134,6 +135,45 @@ def action_of(movement: Movement) -> Action:
 def holds_heading(movement: Movement) -> bool:
     """Return whether a movement is an action of the paper, with the sizes of a protocol."""
     return isinstance(movement, Move) and movement.holds_heading
+
+
+def end_of(movement: Drive) -> Pose | None:
+    """Return the pose at the end in the robot's frame; None for a velocity."""
+    match movement:
+        case Move(distance_m, turn_rad):
+            return Pose(distance_m * math.cos(turn_rad), distance_m * math.sin(turn_rad), turn_rad)
+        case Waypoint(x_m, y_m, heading_rad):
+            return Pose(x_m, y_m, heading_rad or 0.0)
+        case Trajectory(points):
+            return Pose(*points[-1])
+        case Velocity():
+            return None
+
+
+def reach_m(movement: Drive) -> float:
+    """Return the largest distance from the robot's position on the way."""
+    match movement:
+        case Move(distance_m):
+            return abs(distance_m)
+        case Waypoint(x_m, y_m):
+            return math.hypot(x_m, y_m)
+        case Trajectory(points):
+            return max(math.hypot(*point) for point in points)
+        case Velocity(linear_m_s, _, duration_s):
+            return abs(linear_m_s) * duration_s
+
+
+def ahead(movement: Drive) -> float:
+    """Return a positive number if the robot drives forwards, where its camera looks; negative backwards, 0 for a turn.
+
+    A point behind the robot is reached forwards, after a turn.
+    """
+    match movement:
+        case Move(distance_m):
+            return distance_m
+        case Velocity(linear_m_s):
+            return linear_m_s
+    return 1.0
 
 
 def movement_text(movement: Movement) -> str:

@@ -26,7 +26,7 @@ from vsnbench.evidence.bundle.signatures import check_signatures
 from vsnbench.interop.merge import merge, merge_source
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance, package_hashes
 from vsnbench.study.lock import read_note
@@ -107,8 +107,8 @@ def test_only_the_chosen_campaigns_are_in_it(record: Path, tmp_path: Path) -> No
 
 def test_every_table_of_the_schema_has_a_rule() -> None:
     owned = {table.name for table in record_cut._owned()}
-    used = {key.column.table.name for table in Base.metadata.sorted_tables for key in table.foreign_keys}
-    assert {table.name for table in Base.metadata.sorted_tables} - owned - used == {"released_claim"}
+    used = {key.column.table.name for table in TableBase.metadata.sorted_tables for key in table.foreign_keys}
+    assert {table.name for table in TableBase.metadata.sorted_tables} - owned - used == {"released_claim"}
 
 
 def test_what_follows_from_the_record_is_rebuilt_to_the_byte(everything: OpenBundle, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from vsnbench.protocol.metrics import ideal_time_s, sct, soft_spl, spl
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.efficiency import sct_of, soft_spl_of, spl_of
-from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.tables.activity import end_counts, end_reason_table
 from vsnbench.report.tables.success import SUMMARY, goal_table
@@ -24,7 +24,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.step import StepRecord, StepTimings
 
 
-def results_of(lab: Lab, **selection: object) -> Results:
+def results_of(lab: Lab, **selection: object) -> ReportResults:
     return summarise(read(lab.url, Selection(**selection)))  # type: ignore[arg-type]
 
 

@@ -13,7 +13,7 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.conditions import Selection, kinds_note
 from vsnbench.report.analysis.episodes_frame import empty_report_data
 from vsnbench.report.analysis.published import published_results
-from vsnbench.report.analysis.summary import Results, summarise
+from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.compare import EXCHANGED, Comparison, compare
 from vsnbench.report.comparison.ranking import ranking_of
@@ -37,7 +37,7 @@ def succeed(lab: Lab, model: str, successes: set[tuple[str, int]], **options: ob
     lab.write([Attempt(g, s, success=(g, s) in successes) for g, s in cells], model=model, **options)  # type: ignore[arg-type]
 
 
-def results_of(lab: Lab) -> Results:
+def results_of(lab: Lab) -> ReportResults:
     return summarise(read(lab.url, Selection()))
 
 

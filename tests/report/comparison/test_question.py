@@ -3,7 +3,7 @@
 from tests.report.records import Attempt, Lab
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
-from vsnbench.report.comparison.question import Question
+from vsnbench.report.comparison.question import ModelQuestion
 from vsnbench.report.figures.choose import drawings
 from vsnbench.report.tables.question import question_tables
 from vsnbench.results.writing.campaigns import Trial
@@ -16,7 +16,7 @@ def succeed(lab: Lab, model: str, successes: int, **facts: object) -> None:
     lab.write([Attempt(start=s, success=s <= successes) for s in STARTS], model=model, **facts)  # type: ignore[arg-type]
 
 
-def asked(lab: Lab) -> tuple[Question, ...]:
+def asked(lab: Lab) -> tuple[ModelQuestion, ...]:
     return build(lab.url, Selection()).questions
 
 

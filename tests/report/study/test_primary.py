@@ -14,7 +14,7 @@ from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.statistics.clustered import Cell
-from vsnbench.statistics.conclusion import Conclusion, Evidence, conclude
+from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.study.file import StudyFile
 from vsnbench.study.schedule import draw_schedule
@@ -195,7 +195,7 @@ def test_a_study_and_a_comparison_never_name_opposite_winners(
             for goal, start in cells
         )
     )
-    evidence = Evidence(outcomes.difference, paired_interval(outcomes), paired_test(outcomes))
+    evidence = DifferenceEvidence(outcomes.difference, paired_interval(outcomes), paired_test(outcomes))
     compared = {1: "one", -1: "two", 0: None}[conclude(evidence).sign]
     if plan[0] == "plan":
         assert answer.winner == compared

@@ -17,9 +17,9 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, episode_steps, list_episodes
 from vsnbench.results.schema.engine import open_engine
-from vsnbench.results.schema.tables import Step
+from vsnbench.results.schema.tables import StepRow
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial, trial_seed
-from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd, unjudged_end
 from vsnbench.results.writing.journal import Journal
 from vsnbench.values.action import Action
 from vsnbench.values.fix import PoseSource
@@ -138,7 +138,7 @@ def test_a_void_attempt_or_a_result_made_void_leaves_its_trial_open(url: str) ->
 def test_an_episode_that_awaits_a_persons_word_is_not_run_again(url: str) -> None:
     with Journal.open(url) as journal:
         campaign = journal.find_or_create_campaign(plan(goals=("chair",)))
-        run(journal, campaign.trials[0], replace(stopped(success=True), verdict=None))
+        run(journal, campaign.trials[0], unjudged_end(EndReason.STOP, 3))
         assert journal.campaign_progress(campaign).left == campaign.trials[1:]
 
 
@@ -276,7 +276,7 @@ def test_a_step_that_is_none_is_told_by_its_number(url: str) -> None:
         episode = begun(journal, journal.find_or_create_campaign(plan()).trials[0])
         journal.append_step(episode.id, forward(1))
         with journal.engine.begin() as connection:
-            connection.execute(update(Step).values(action="FLY"))
+            connection.execute(update(StepRow).values(action="FLY"))
         with pytest.raises(RecordError, match=r"episode 1, step 1: 'FLY' is not a valid Action; the record is damaged"):
             episode_steps(journal.engine, episode.id)
 

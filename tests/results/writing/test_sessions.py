@@ -11,7 +11,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
-from vsnbench.results.schema.tables import Process, Session
+from vsnbench.results.schema.tables import ProcessRow, SessionRow
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.entries import EpisodeBegin
 from vsnbench.results.writing.episodes import Claim
@@ -88,7 +88,7 @@ def test_a_session_whose_process_has_died_ends_with_the_last_sign_of_life_in_it(
         claim = set_operator(journal, journal.find_or_create_campaign(plan()).trials[0], "Anna")
         journal.append_step(claim.id, forward(1))
         with journal.engine.begin() as connection:  # as if this process had been killed, and its id reused
-            connection.execute(update(Process).values(start_ticks=1))
+            connection.execute(update(ProcessRow).values(start_ticks=1))
     with Journal.open(url) as journal:
         details = episode_record(journal.engine, claim.id)
         assert details.session is not None
@@ -111,4 +111,4 @@ def test_a_merge_brings_sessions_and_placements_once_however_often_it_is_run(tmp
         assert sorted(one.session.operator for one in found if one.session) == ["ours", "ours", "theirs", "theirs"]
         assert [one.measured.author for one in found if one.measured] == ["ours", "ours", "theirs", "theirs"]
         with journal.engine.connect() as connection:
-            assert sorted(connection.scalars(select(Session.operator))) == ["ours", "theirs"]
+            assert sorted(connection.scalars(select(SessionRow.operator))) == ["ours", "theirs"]

@@ -149,7 +149,7 @@ def test_a_tilt_is_what_the_card_maps_it_to(answers: tuple[Action | Chunk, ...])
         (Action.STOP, "STOP"),
     ]
     assert outcome.actions == 4
-    assert recorder.steps[2].before == recorder.steps[2].after
+    assert recorder.steps[2].site_before == recorder.steps[2].site_after
     assert pose.distance_to(NEAR_A_WALL.pose) < 0.01
 
 

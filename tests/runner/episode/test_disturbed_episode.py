@@ -83,7 +83,7 @@ def test_the_guard_the_record_and_the_judge_use_the_robots_own_data() -> None:
         assert np.array_equal(step.observation.rgb, disturbed_step.observation.rgb)
         assert step.observation.pose == disturbed_step.observation.pose
         assert step.guard == disturbed_step.guard
-        assert (step.blocked, step.after) == (disturbed_step.blocked, disturbed_step.after)
+        assert (step.blocked, step.site_after) == (disturbed_step.blocked, disturbed_step.site_after)
     assert recorder.steps[0].guard is not None
     assert all(seen.depth_m is not None and np.isnan(seen.depth_m).all() for seen in disturbed.seen)
     assert not any(
@@ -138,6 +138,6 @@ def test_a_pixel_is_one_of_the_image_that_the_model_saw() -> None:
     own = waypoint_of(pixel, recorder.steps[0].observation, SMALL.base, guard)
     assert seen is not None
     assert own is not None
-    moved_m = recorder.steps[0].before.pose.distance_to(recorder.steps[0].after.pose)
+    moved_m = recorder.steps[0].site_before.pose.distance_to(recorder.steps[0].site_after.pose)
     assert moved_m == pytest.approx(np.hypot(seen.x_m, seen.y_m), abs=0.03)
     assert abs(np.hypot(own.x_m, own.y_m) - moved_m) > 0.2

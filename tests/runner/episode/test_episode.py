@@ -132,7 +132,7 @@ def test_a_noop_is_recorded_and_never_reaches_the_robot() -> None:
     assert outcome.actions == 3
     still = recorder.steps[0]
     assert still.result == MotionResult(completed=True)
-    assert still.before == still.after
+    assert still.site_before == still.site_after
     assert not still.blocked
 
 

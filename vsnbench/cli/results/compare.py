@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vsnbench.results.files.directory import ResultsDirectory
 
 
-class Format(StrEnum):
+class CompareFormat(StrEnum):
     """Output formats on stdout."""
 
     TABLE = "table"
@@ -42,7 +42,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     site: Sites = None,
     robot: Robots = None,
     campaign: Campaigns = None,
-    form: Annotated[Format, typer.Option("--format", "-f", help="Output format on stdout.")] = Format.TABLE,
+    form: Annotated[
+        CompareFormat, typer.Option("--format", "-f", help="Output format on stdout.")
+    ] = CompareFormat.TABLE,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,
@@ -92,7 +94,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     if place is not None:
         record = _with_courses(record, summaries, place)
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
-    form = Format.JSON if as_json else form
+    form = CompareFormat.JSON if as_json else form
     _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)
 
 
@@ -115,7 +117,7 @@ def _with_courses(
 
 
 def _print_comparisons(
-    form: Format,
+    form: CompareFormat,
     comparisons: "Sequence[Comparison]",
     ranking: "Ranking | None",
     summaries: "Sequence[ConditionSummary]",
@@ -125,7 +127,7 @@ def _print_comparisons(
     from vsnbench.report.tables.comparison import comparison_tables
     from vsnbench.report.tables.ranking import ranking_table
 
-    if form is Format.JSON:
+    if form is CompareFormat.JSON:
         from vsnbench.report.formats.json import COMPARED
 
         found = {"ranking": ranking, "comparisons": comparisons, "summaries": summaries, "record": record}

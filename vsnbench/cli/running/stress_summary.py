@@ -22,11 +22,9 @@ from vsnbench.runner.setup.sweep import Sweep, Swept, undone
 
 _FORMATS = (".svg", ".pdf", ".png")
 STRESS = Measures(
-    (
-        Measure("trials_left", COUNT, "number of trials that the same command runs next time"),
-        Measure("campaigns_failed", COUNT, "number of campaigns that could not run"),
-        Measure("models", objects(STRESSED), "one object per model and site"),
-    )
+    Measure("trials_left", COUNT, "number of trials that the same command runs next time"),
+    Measure("campaigns_failed", COUNT, "number of campaigns that could not run"),
+    Measure("models", objects(STRESSED), "one object per model and site"),
 )
 """The JSON object of a stress test."""
 

@@ -117,45 +117,39 @@ def _percent(places: int) -> Form:
 
 
 POWER = Measures(
-    (
-        Measure(
-            "difference_percent",
-            _percent(0),
-            "true difference of the success rates, percent",
-            "difference",
-            heading="true difference %",
-            note="",
-        ),
-        Measure(
-            "power_percent",
-            _percent(0),
-            "simulated studies that name the better arm, percent",
-            "power",
-            null="for a difference of 0",
-            heading="power %",
-            note=_POWER_NOTE,
-        ),
-        Measure("wrong_percent", _percent(1), _WRONG, "wrong", heading="wrong %", note=_WRONG_NOTE),
-        Measure(
-            "blocks",
-            Form({"type": "number"}, lambda blocks: decimal(blocks, 0)),
-            "mean number of blocks that a study runs",
-            heading="blocks run",
-            note=_BLOCKS_NOTE,
-        ),
-    )
+    Measure(
+        "difference_percent",
+        _percent(0),
+        "true difference of the success rates, percent",
+        "difference",
+        heading="true difference %",
+        note="",
+    ),
+    Measure(
+        "power_percent",
+        _percent(0),
+        "simulated studies that name the better arm, percent",
+        "power",
+        null="for a difference of 0",
+        heading="power %",
+        note=_POWER_NOTE,
+    ),
+    Measure("wrong_percent", _percent(1), _WRONG, "wrong", heading="wrong %", note=_WRONG_NOTE),
+    Measure(
+        "blocks",
+        Form({"type": "number"}, lambda blocks: decimal(blocks, 0), json=float),
+        "mean number of blocks that a study runs",
+        heading="blocks run",
+        note=_BLOCKS_NOTE,
+    ),
 )
 """Measures of a `PlannedPower`."""
 PLAN = Measures(
-    (
-        Measure("rate", Form({"type": "number"}), "assumed mean success rate"),
-        Measure("power", objects(POWER), "power by simulation, one object per difference"),
-        Measure("notes", TEXTS, "remarks, one sentence each"),
-        Measure("pace", TEXT, "estimated duration of the whole plan in words, or how to get an estimate"),
-        Measure(
-            "pilot", objects(PILOT), "recorded pairs of models in the study's cells", only_in="a study on progress"
-        ),
-    )
+    Measure("rate", Form({"type": "number"}), "assumed mean success rate"),
+    Measure("power", objects(POWER), "power by simulation, one object per difference"),
+    Measure("notes", TEXTS, "remarks, one sentence each"),
+    Measure("pace", TEXT, "estimated duration of the whole plan in words, or how to get an estimate"),
+    Measure("pilot", objects(PILOT), "recorded pairs of models in the study's cells", only_in="a study on progress"),
 )
 """The JSON object of `study plan`."""
 

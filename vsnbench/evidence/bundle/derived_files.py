@@ -25,7 +25,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.results.schema.engine import reading, to_json, transaction
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.results.schema.tables import Model, Process, Robot, Site, Step, Verdict
+from vsnbench.results.schema.tables import ModelRow, ProcessRow, RobotRow, SiteRow, StepRow, VerdictRow
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies
 from vsnbench.runner.study.integrity import check_integrity
@@ -35,8 +35,8 @@ from vsnbench.study.lock import LockNote, write_note
 TABLES = "tables"
 STUDY_FILE = "study/study.yaml"
 RAW_TABLES: Mapping[str, tuple[Table, frozenset[str]]] = {
-    "steps": (Step.__table__, frozenset({"probabilities", "details"})),  # type: ignore[dict-item]
-    "verdicts": (Verdict.__table__, frozenset()),  # type: ignore[dict-item]
+    "steps": (StepRow.__table__, frozenset({"probabilities", "details"})),  # type: ignore[dict-item]
+    "verdicts": (VerdictRow.__table__, frozenset()),  # type: ignore[dict-item]
 }
 """Name of a CSV file -> table of the record, and the columns that are left out."""
 _AT_ONCE = 500
@@ -58,7 +58,7 @@ def write_derived_files(results: Path, into: Path, note: LockNote | None = None)
         _write_tables(url, into / TABLES)
         _write_report(url, into / "report")
         with open_record(url) as engine, transaction(reading(engine)) as connection:
-            for table in (Site, Robot, Model):
+            for table in (SiteRow, RobotRow, ModelRow):
                 _write_conditions(connection, table.__table__, into / "conditions")  # type: ignore[arg-type]
             _write_json(into / ENVIRONMENT, {MADE_BY: __version__} | _environment(connection))
         _write_study(url, into, note)
@@ -115,7 +115,7 @@ def _environment(connection: Connection) -> dict[str, Any]:
     environments: list[dict[str, Any]] = []
     numbers: dict[str, int] = {}
     processes = []
-    for row in connection.execute(select(Process.__table__).order_by(Process.id)).mappings():
+    for row in connection.execute(select(ProcessRow.__table__).order_by(ProcessRow.id)).mappings():
         platform = dict(row["platform"])
         hashes = platform.pop("package_hashes", None) or {}
         packages = [

@@ -33,7 +33,7 @@ from vsnbench.results.merging.episodes import step_digests
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.study_tables import Study
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Verdict
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, VerdictRow
 from vsnbench.settings.user_config import BundleConfig
 from vsnbench.study.lock import LockNote
 from vsnbench.text.sanitize import counted, sanitize
@@ -126,7 +126,9 @@ class _Bundle:
     def write(self, request: BundleRequest, output: Path, progress: Progress) -> BundleSummary:
         """Write all files."""
         about = _about(self._connection, request.about)
-        episodes = self._connection.execute(select(Episode.id, Episode.images_directory).order_by(Episode.id)).all()
+        episodes = self._connection.execute(
+            select(EpisodeRow.id, EpisodeRow.images_directory).order_by(EpisodeRow.id)
+        ).all()
         self._add_bytes(FORMAT_FILE, format_line())
         self._add_bytes("README.md", readme(about, with_images=request.with_images).encode())
         tables = {}
@@ -150,7 +152,7 @@ class _Bundle:
             signature = sign((self._stage / MANIFEST).read_bytes(), request.key)
             self._archive.add(f"{SIGNATURES}/{MANIFEST}.sig", io.BytesIO(signature), len(signature))
         size = self._archive.close()
-        campaigns = self._connection.scalar(select(func.count(Campaign.id))) or 0
+        campaigns = self._connection.scalar(select(func.count(CampaignRow.id))) or 0
         signed = request.key is not None
         return BundleSummary(output, size, self._files, campaigns, len(episodes), stored.sha256, signed)
 
@@ -185,12 +187,12 @@ class _Bundle:
 def _about(connection: Connection, given: BundleConfig) -> BundleAbout:
     """Describe the content from the record alone."""
     study = connection.scalar(select(Study.title))
-    models = connection.scalars(select(Model.name).distinct().order_by(Model.name)).all()
-    episodes = connection.scalar(select(func.count(Episode.id))) or 0
-    campaigns = connection.scalar(select(func.count(Campaign.id))) or 0
+    models = connection.scalars(select(ModelRow.name).distinct().order_by(ModelRow.name)).all()
+    episodes = connection.scalar(select(func.count(EpisodeRow.id))) or 0
+    campaigns = connection.scalar(select(func.count(CampaignRow.id))) or 0
     newest = [
         connection.scalar(select(func.max(column)))
-        for column in (Episode.ended_at, Verdict.created_at, Study.unblinded_at)
+        for column in (EpisodeRow.ended_at, VerdictRow.created_at, Study.unblinded_at)
     ]
     date = f"{max(moment for moment in newest if moment is not None):%Y-%m-%d}"
     what = f"{counted(episodes, 'episode')} of {', '.join(map(sanitize, models))}"

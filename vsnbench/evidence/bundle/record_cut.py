@@ -31,12 +31,12 @@ from vsnbench.errors import RecordError
 from vsnbench.evidence.bundle.selection import BundleSelection
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.episode_numbers import ReleasedClaim, missing_numbers
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.migrate import HEAD
 from vsnbench.results.schema.row_encoding import Row
 from vsnbench.results.schema.study_tables import Study
-from vsnbench.results.schema.tables import Campaign, Episode
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow
 
 _AT_ONCE = 500
 _PAGE_BYTES = 4096
@@ -55,9 +55,9 @@ def cut_record(source: Connection, selection: BundleSelection, target: Path, *, 
         event.listen(engine, "connect", _without_foreign_keys)
         with transaction(engine) as copy:
             _create_tables(copy)
-            for table in Base.metadata.sorted_tables:
+            for table in TableBase.metadata.sorted_tables:
                 for rows in _parts(source, table, selection):
-                    if table is Episode.__table__ and not with_images:
+                    if table is EpisodeRow.__table__ and not with_images:
                         rows = [{**row, "images_directory": ""} for row in rows]  # noqa: PLW2901
                     copy.execute(insert(table), rows)
             _explain_gaps(source, copy)
@@ -79,7 +79,7 @@ def _without_foreign_keys(connection: sqlite3.Connection, _record: object) -> No
 
 def _create_tables(copy: Connection) -> None:
     """Create the tables; migrations write the constraints in another order in every process."""
-    for table in Base.metadata.sorted_tables:
+    for table in TableBase.metadata.sorted_tables:
         copy.execute(CreateTable(table))
         for index in sorted(table.indexes, key=lambda index: str(index.name)):
             copy.execute(CreateIndex(index))
@@ -98,7 +98,7 @@ def _parts(source: Connection, table: Table, selection: BundleSelection) -> Iter
 def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
     """Return which rows of a table belong to a selection."""
     (key, *_) = table.primary_key.columns
-    if table is Campaign.__table__:
+    if table is CampaignRow.__table__:
         return key.in_(selection.campaigns)
     if table is Study.__table__:
         return key == selection.study
@@ -109,7 +109,7 @@ def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
         )
     users = [
         (column, other)
-        for other in Base.metadata.sorted_tables
+        for other in TableBase.metadata.sorted_tables
         for column, target in _references(other)
         if target is key
     ]
@@ -120,8 +120,8 @@ def _belongs(table: Table, selection: BundleSelection) -> ColumnElement[bool]:
 @cache
 def _owned() -> frozenset[Table]:
     """Return campaigns, studies, and the tables with rows that belong to one of them."""
-    owned: set[Any] = {Campaign.__table__, Study.__table__}
-    for table in Base.metadata.sorted_tables:  # a table comes after those that it refers to
+    owned: set[Any] = {CampaignRow.__table__, Study.__table__}
+    for table in TableBase.metadata.sorted_tables:  # a table comes after those that it refers to
         if any(target.table in owned for _, target in _references(table)):
             owned.add(table)
     return frozenset(owned)
@@ -133,8 +133,8 @@ def _references(table: Table) -> list[tuple[Column[Any], Column[Any]]]:
 
 def _explain_gaps(source: Connection, copy: Connection) -> None:
     """Record the numbers of episodes of other campaigns as known gaps; those of deleted episodes stay unexplained."""
-    last = copy.scalar(select(func.max(Episode.id))) or 0
-    unexplained = {*copy.scalars(select(Episode.id)), *missing_numbers(source)}
+    last = copy.scalar(select(func.max(EpisodeRow.id))) or 0
+    unexplained = {*copy.scalars(select(EpisodeRow.id)), *missing_numbers(source)}
     gaps = [{"number": number, "released_at": None} for number in range(1, last + 1) if number not in unexplained]
     if gaps:
         copy.execute(insert(ReleasedClaim), gaps)

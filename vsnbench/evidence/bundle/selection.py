@@ -7,7 +7,7 @@ from sqlalchemy import Connection, select
 
 from vsnbench.errors import UsageError
 from vsnbench.results.schema.study_tables import Study, StudyArm
-from vsnbench.results.schema.tables import Campaign, Episode, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, TrialRow
 from vsnbench.results.studies.entries import OVER
 from vsnbench.results.studies.queries import read_study, session_of_another, study_progress
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -62,7 +62,7 @@ def select_campaigns(connection: Connection, numbers: Sequence[int]) -> BundleSe
     Raises:
         UsageError: a campaign does not exist, runs, is an arm of a study, or has no episodes.
     """
-    known = set(connection.scalars(select(Campaign.id)))
+    known = set(connection.scalars(select(CampaignRow.id)))
     if unknown := sorted(set(numbers) - known):
         raise UsageError(
             f"campaign {unknown[0]} does not exist", advice="`vsnbench db status` lists them", code="unknown-campaign"
@@ -83,15 +83,15 @@ def select_campaigns(connection: Connection, numbers: Sequence[int]) -> BundleSe
 
 def _check_episodes(connection: Connection, campaigns: Sequence[int]) -> None:
     episodes = (
-        select(Episode.id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Trial.campaign_id.in_(campaigns))
-        .order_by(Episode.id)
+        select(EpisodeRow.id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .where(TrialRow.campaign_id.in_(campaigns))
+        .order_by(EpisodeRow.id)
         .limit(1)
     )
     if connection.scalar(episodes) is None:
         raise UsageError("no episodes to bundle", advice="`vsnbench run` runs trials", code="nothing-to-bundle")
-    running = connection.scalar(episodes.where(Episode.state.in_([state.value for state in ACTIVE])))
+    running = connection.scalar(episodes.where(EpisodeRow.state.in_([state.value for state in ACTIVE])))
     if running is not None:
         raise UsageError(
             f"episode {running} is running",

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, select
 from vsnbench.errors import UsageError
 from vsnbench.files.package_data import resource_directory
 from vsnbench.models.checkpoints.weights import file_sha256, weights_directory
-from vsnbench.results.schema.tables import Model, Process
+from vsnbench.results.schema.tables import ModelRow, ProcessRow
 
 
 def find_weights_by_hash(connection: Connection) -> dict[str, Path]:
@@ -23,7 +23,7 @@ def find_weights_by_hash(connection: Connection) -> dict[str, Path]:
         UsageError: a file is not on this machine.
     """
     wanted: dict[str, str] = {}
-    for name, sha256, settings in connection.execute(select(Model.name, Model.weights_sha256, Model.settings)):
+    for name, sha256, settings in connection.execute(select(ModelRow.name, ModelRow.weights_sha256, ModelRow.settings)):
         wanted |= {str(value): name for value in (sha256, settings.get("detector_sha256")) if value}
     found: dict[str, Path] = {}
     for path in _candidates(connection):
@@ -42,7 +42,7 @@ def _candidates(connection: Connection) -> Iterator[Path]:
     for directory in (resource_directory("weights"), weights_directory()):
         yield from (path for path in sorted(directory.glob("*")) if path.is_file())
     words: dict[str, None] = {}
-    for command in connection.scalars(select(Process.command).order_by(Process.id)):
+    for command in connection.scalars(select(ProcessRow.command).order_by(ProcessRow.id)):
         try:
             words |= dict.fromkeys(word.rpartition("=")[2] for word in shlex.split(command))
         except ValueError:  # a quotation mark that is not closed

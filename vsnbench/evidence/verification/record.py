@@ -17,7 +17,18 @@ from vsnbench.results.files.directory import DATABASE_NAME
 from vsnbench.results.goals import with_goals
 from vsnbench.results.merging.sources import copy_record
 from vsnbench.results.schema.engine import opened_engine, transaction
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Process, Robot, Site, Step, Trial, Verdict
+from vsnbench.results.schema.tables import (
+    CampaignRow,
+    EpisodeRow,
+    EventRow,
+    ModelRow,
+    ProcessRow,
+    RobotRow,
+    SiteRow,
+    StepRow,
+    TrialRow,
+    VerdictRow,
+)
 from vsnbench.results.writing.judging import RETRACTED
 from vsnbench.results.writing.steps import step_of_row
 from vsnbench.sites.site import Site as SurveyedSite
@@ -67,19 +78,19 @@ class VerifiedRecord:
     @property
     def versions(self) -> tuple[str, ...]:
         """Versions of vsnbench that wrote the record."""
-        return tuple(sorted(map(str, set(self.connection.scalars(select(Process.vsnbench_version))))))
+        return tuple(sorted(map(str, set(self.connection.scalars(select(ProcessRow.vsnbench_version))))))
 
     def episodes(self) -> list[Row[Any]]:
         """Return all episodes with their trial and the version that recorded them, by number."""
         query = (
             select(
-                Episode.__table__,
-                *(Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
-                Process.vsnbench_version,
+                EpisodeRow.__table__,
+                *(TrialRow.campaign_id, TrialRow.goal, TrialRow.start, TrialRow.repetition),
+                ProcessRow.vsnbench_version,
             )
-            .join(Trial, Trial.id == Episode.trial_id)
-            .join(Process, Process.id == Episode.process_id)
-            .order_by(Episode.id)
+            .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+            .join(ProcessRow, ProcessRow.id == EpisodeRow.process_id)
+            .order_by(EpisodeRow.id)
         )
         return list(self.connection.execute(query))
 
@@ -96,14 +107,20 @@ class VerifiedRecord:
     def _read_condition(self, campaign_id: int) -> RecordedCondition:
         row = self.connection.execute(
             select(
-                *(Campaign.key, Campaign.seed, Campaign.protocol, Campaign.conditions),
-                *(Robot.kind, Robot.simulated, Robot.profile, Site.content),
-                *(Model.name, Model.weights_sha256, Model.code, Model.files, Model.sha256.label("model_sha256")),
+                *(CampaignRow.key, CampaignRow.seed, CampaignRow.protocol, CampaignRow.conditions),
+                *(RobotRow.kind, RobotRow.simulated, RobotRow.profile, SiteRow.content),
+                *(
+                    ModelRow.name,
+                    ModelRow.weights_sha256,
+                    ModelRow.code,
+                    ModelRow.files,
+                    ModelRow.sha256.label("model_sha256"),
+                ),
             )
-            .join(Robot, Robot.id == Campaign.robot_id)
-            .join(Model, Model.id == Campaign.model_id)
-            .join(Site, Site.id == Campaign.site_id)
-            .where(Campaign.id == campaign_id)
+            .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
+            .join(ModelRow, ModelRow.id == CampaignRow.model_id)
+            .join(SiteRow, SiteRow.id == CampaignRow.site_id)
+            .where(CampaignRow.id == campaign_id)
         ).one()
         content = with_goals(self.connection, row.content, [campaign_id])
         site, profile = _parsed(SurveyedSite, content), _parsed(RobotProfile, row.profile)
@@ -115,17 +132,17 @@ class VerifiedRecord:
         Raises:
             ValueError: a step is invalid.
         """
-        query = select(Step.__table__).where(Step.episode_id == episode_id).order_by(Step.number)
+        query = select(StepRow.__table__).where(StepRow.episode_id == episode_id).order_by(StepRow.number)
         return [step_of_row(row) for row in self.connection.execute(query)]
 
     def verdicts(self, episode_id: int) -> list[Row[Any]]:
         """Return the verdicts of an episode, oldest first."""
-        query = select(Verdict.__table__).where(Verdict.episode_id == episode_id).order_by(Verdict.id)
+        query = select(VerdictRow.__table__).where(VerdictRow.episode_id == episode_id).order_by(VerdictRow.id)
         return list(self.connection.execute(query))
 
     def was_retracted(self, episode_id: int) -> bool:
         """Return whether a judgement of an episode was retracted."""
-        query = select(Event.id).where(Event.episode_id == episode_id, Event.kind == RETRACTED).limit(1)
+        query = select(EventRow.id).where(EventRow.episode_id == episode_id, EventRow.kind == RETRACTED).limit(1)
         return self.connection.scalar(query) is not None
 
 

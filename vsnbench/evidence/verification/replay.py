@@ -200,7 +200,7 @@ class _Comparison:
             result=step.result,
             observed=step.observation.pose,
             stamp_s=step.observation.stamp_s,
-            world=step.after,
+            world=step.site_after,
             rgb_digest=images.rgb_digest if recorded.rgb_digest else None,
             depth_digest=images.depth_digest if recorded.depth_digest else None,
             movement=step.decision.movement,

@@ -8,7 +8,7 @@ from sqlalchemy import select
 
 from vsnbench.evidence.verification.checks import Check, Finding, Progress, finding
 from vsnbench.evidence.verification.record import VerifiedRecord
-from vsnbench.results.schema.tables import Verdict
+from vsnbench.results.schema.tables import VerdictRow
 from vsnbench.results.studies.entries import OVER, RecordedStudy, StudyTrialProgress
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies, trials_of
@@ -80,5 +80,9 @@ def _decision_at(
 def _first_judgements(record: VerifiedRecord, trials: Sequence[StudyTrialProgress]) -> dict[int, datetime]:
     """Return the time of the current judgement of each episode that counts."""
     numbers = {trial.episode_id for trial in trials if trial.success is not None}
-    query = select(Verdict.episode_id, Verdict.created_at).where(Verdict.proposed.is_(False)).order_by(Verdict.id)
+    query = (
+        select(VerdictRow.episode_id, VerdictRow.created_at)
+        .where(VerdictRow.proposed.is_(False))
+        .order_by(VerdictRow.id)
+    )
     return {number: at for number, at in record.connection.execute(query) if number in numbers}

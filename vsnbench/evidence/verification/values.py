@@ -6,7 +6,7 @@ from vsnbench.evidence.verification.checks import Check, Finding, Progress, cell
 from vsnbench.evidence.verification.record import VerifiedRecord
 from vsnbench.results.reading.identities import IDENTIFIED, identity_faults
 from vsnbench.results.reading.integrity import record_faults
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 
 
 def check_values(record: VerifiedRecord, progress: Progress) -> Check:
@@ -15,7 +15,7 @@ def check_values(record: VerifiedRecord, progress: Progress) -> Check:
     connection = record.connection
     with check.failing("the database"):
         there = set(inspect(connection).get_table_names())
-        for table in Base.metadata.sorted_tables:
+        for table in TableBase.metadata.sorted_tables:
             if table.name in there:
                 check.checked += connection.scalar(select(func.count()).select_from(table)) or 0
     with check.failing("the database"):

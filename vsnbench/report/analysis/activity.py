@@ -12,7 +12,7 @@ from vsnbench.report.analysis.conditions import Selection, read_conditions
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
 from vsnbench.results.reading.read_model import COUNTS, RUNNING
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Robot, Step, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, RobotRow, StepRow, TrialRow
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.results.writing.lifecycle import EpisodeState
 
@@ -64,16 +64,16 @@ def read_actions(engine: Engine, selection: Selection) -> Rows:
 def _actions(connection: Connection, condition_of: dict[int, int], trials: Sequence[Any]) -> Rows:
     # The offset makes the database evaluate once per episode whether it counts, instead of once per action.
     counted = (
-        select(Episode.id, Trial.campaign_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(*trials, COUNTS, Episode.state == EpisodeState.JUDGED.value)
+        select(EpisodeRow.id, TrialRow.campaign_id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .where(*trials, COUNTS, EpisodeRow.state == EpisodeState.JUDGED.value)
         .offset(0)
         .subquery()
     )
     # Group within each episode first: the index on the actions then needs no sorting.
     within = (
-        select(Step.episode_id, Step.raw_action, Step.action, Step.blocked, func.count().label("steps"))
-        .group_by(Step.episode_id, Step.raw_action, Step.action, Step.blocked)
+        select(StepRow.episode_id, StepRow.raw_action, StepRow.action, StepRow.blocked, func.count().label("steps"))
+        .group_by(StepRow.episode_id, StepRow.raw_action, StepRow.action, StepRow.blocked)
         .subquery()
     )
     # The outer join keeps that order; episodes that do not count have no campaign.
@@ -96,10 +96,10 @@ def read_robots(engine: Engine, record: ReportData) -> Rows:
     campaigns = [campaign for condition in record.conditions for campaign in condition.campaigns]
     with record_errors(engine), engine.connect() as connection:
         robots = connection.execute(
-            select(Robot.id, Robot.name, Robot.title, Robot.simulated, Campaign.id)
-            .join(Campaign, Campaign.robot_id == Robot.id)
-            .where(Campaign.id.in_(campaigns))
-            .order_by(Robot.id, Campaign.id)
+            select(RobotRow.id, RobotRow.name, RobotRow.title, RobotRow.simulated, CampaignRow.id)
+            .join(CampaignRow, CampaignRow.robot_id == RobotRow.id)
+            .where(CampaignRow.id.in_(campaigns))
+            .order_by(RobotRow.id, CampaignRow.id)
         ).all()
         written = _written(connection, campaigns)
     own: dict[tuple[int, str, str, bool], list[int]] = {}
@@ -120,11 +120,11 @@ def read_robots(engine: Engine, record: ReportData) -> Rows:
 def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:
     """Return the number of intervention events by episode of these campaigns."""
     rows = connection.execute(
-        select(Event.episode_id, func.count())
-        .join(Episode, Episode.id == Event.episode_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
-        .group_by(Event.episode_id)
+        select(EventRow.episode_id, func.count())
+        .join(EpisodeRow, EpisodeRow.id == EventRow.episode_id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .where(EventRow.kind == INTERVENTION, TrialRow.campaign_id.in_(campaigns))
+        .group_by(EventRow.episode_id)
     )
     return {episode: times for episode, times in rows if episode is not None}
 

@@ -11,7 +11,7 @@ from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_condit
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
 from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.values.movement import ActionKind
@@ -163,17 +163,19 @@ def footnotes(conditions: Sequence[Condition]) -> tuple[str, ...]:
 def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
     """Return the conditions, and the condition number of each campaign id."""
     rows = connection.execute(
-        select(Campaign.id, Campaign.protocol, Campaign.protocol_sha256, Campaign.conditions, Campaign.seed)
-        .add_columns(Model.id.label("model_id"), MODEL_NAME.label("model"), Model.weights_label, Model.weights_sha256)
-        .add_columns(Model.surveyed, Model.settings, Model.code.label("source"), CODE.label("code"))
-        .add_columns(Robot.id.label("robot_id"), Robot.name.label("robot"), Robot.title, Robot.kind, Robot.simulated)
-        .add_columns(Robot.profile["base"]["max_linear_m_s"].as_float().label("max_linear_m_s"))
-        .add_columns(Site.name.label("site"), Site.sha256.label("site_sha256"))
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
+        select(CampaignRow.id, CampaignRow.protocol, CampaignRow.protocol_sha256)
+        .add_columns(CampaignRow.conditions, CampaignRow.seed)
+        .add_columns(ModelRow.id.label("model_id"), MODEL_NAME.label("model"))
+        .add_columns(ModelRow.weights_label, ModelRow.weights_sha256, ModelRow.surveyed, ModelRow.settings)
+        .add_columns(ModelRow.code.label("source"), CODE.label("code"), RobotRow.id.label("robot_id"))
+        .add_columns(RobotRow.name.label("robot"), RobotRow.title, RobotRow.kind, RobotRow.simulated)
+        .add_columns(RobotRow.profile["base"]["max_linear_m_s"].as_float().label("max_linear_m_s"))
+        .add_columns(SiteRow.name.label("site"), SiteRow.sha256.label("site_sha256"))
+        .join(ModelRow, ModelRow.id == CampaignRow.model_id)
+        .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
+        .join(SiteRow, SiteRow.id == CampaignRow.site_id)
         .where(*_campaign_filter(chosen))
-        .order_by(Campaign.id)
+        .order_by(CampaignRow.id)
     ).all()
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
@@ -221,18 +223,18 @@ def _in_order(settings: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _campaign_filter(chosen: Selection) -> list[Any]:
-    valid = select(Episode.id).join(Trial, Trial.id == Episode.trial_id)
-    valid = valid.where(Trial.campaign_id == Campaign.id, Episode.state != EpisodeState.VOID.value)
+    valid = select(EpisodeRow.id).join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+    valid = valid.where(TrialRow.campaign_id == CampaignRow.id, EpisodeRow.state != EpisodeState.VOID.value)
     # An import with only void episodes was withdrawn.
-    wanted: list[Any] = [or_(Robot.kind != IMPORTED, valid.correlate(Campaign).exists())]
+    wanted: list[Any] = [or_(RobotRow.kind != IMPORTED, valid.correlate(CampaignRow).exists())]
     if chosen.models:
         wanted.append(MODEL_NAME.in_(chosen.models))
     if chosen.sites:
-        wanted.append(Site.name.in_(chosen.sites))
+        wanted.append(SiteRow.name.in_(chosen.sites))
     if chosen.robots:
-        wanted.append(Robot.name.in_(chosen.robots))
+        wanted.append(RobotRow.name.in_(chosen.robots))
     if chosen.campaigns:
-        wanted.append(Campaign.id.in_(chosen.campaigns))
+        wanted.append(CampaignRow.id.in_(chosen.campaigns))
     return wanted
 
 

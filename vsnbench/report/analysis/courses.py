@@ -17,7 +17,7 @@ from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.fields import quantity
 from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 
@@ -70,9 +70,9 @@ def course_map(engine: Engine, record: ReportData, condition: Condition) -> Cour
     """Return the map to measure a condition's courses with; None without a site, a protocol or a robot's base."""
     with record_errors(engine), engine.connect() as connection:
         profile = connection.execute(
-            select(Robot.profile)
-            .join(Campaign, Campaign.robot_id == Robot.id)
-            .where(Campaign.id == condition.campaigns[0])
+            select(RobotRow.profile)
+            .join(CampaignRow, CampaignRow.robot_id == RobotRow.id)
+            .where(CampaignRow.id == condition.campaigns[0])
         ).scalar()
     return _map_of(record.sites.get(condition.site_sha256), profile, condition.protocol)
 
@@ -224,13 +224,19 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(
             select(
-                *(Step.episode_id, Episode.start_x_m, Episode.start_y_m, Episode.start_heading_rad),
-                *(Step.world_x_m, Step.world_y_m, Step.world_heading_rad),
-                *(Step.after_x_m, Step.after_y_m, Step.after_heading_rad, Step.blocked, Step.collision_touched),
+                *(StepRow.episode_id, EpisodeRow.start_x_m, EpisodeRow.start_y_m, EpisodeRow.start_heading_rad),
+                *(StepRow.world_x_m, StepRow.world_y_m, StepRow.world_heading_rad),
+                *(
+                    StepRow.after_x_m,
+                    StepRow.after_y_m,
+                    StepRow.after_heading_rad,
+                    StepRow.blocked,
+                    StepRow.collision_touched,
+                ),
             )
-            .join(Episode, Episode.id == Step.episode_id)
-            .where(Step.episode_id.in_(numbers))
-            .order_by(Step.episode_id, Step.number)
+            .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
+            .where(StepRow.episode_id.in_(numbers))
+            .order_by(StepRow.episode_id, StepRow.number)
         ).all()
     grouped: dict[int, list[Any]] = {}
     for row in found:

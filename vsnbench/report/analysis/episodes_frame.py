@@ -21,7 +21,7 @@ from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, s
 from vsnbench.results.model import EPISODE
 from vsnbench.results.reading.read_model import COUNTED, RUNNING, SUPERSEDED, UNJUDGED, VOID, episodes_of_trials
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Episode, Trial
+from vsnbench.results.schema.tables import EpisodeRow, TrialRow
 from vsnbench.sites.categories import GOAL_CATEGORIES
 
 if TYPE_CHECKING:
@@ -35,14 +35,14 @@ _OF_RECORD = Fields(
     (
         EPISODE["id"],
         EPISODE["campaign_id"],
-        Field("process", int, "number of the process that ran it", (Episode.process_id,)),
+        Field("process", int, "number of the process that ran it", (EpisodeRow.process_id,)),
         Field(
             "session",
             int,
             "number of the operator session; 0 without an operator",
-            (type_coerce(func.coalesce(Episode.session_id, 0), NullType()),),
+            (type_coerce(func.coalesce(EpisodeRow.session_id, 0), NullType()),),
         ),
-        Field("trial", int, "number of the trial", (Trial.id,)),
+        Field("trial", int, "number of the trial", (TrialRow.id,)),
         *EPISODE.only("goal", "start", "repetition", "state", "end_reason", "success", "actions", "path_m"),
         *EPISODE.only("shortest_m", "remaining_m", "distance_m", "goal_in_sight", "duration_s", "thinking_s"),
         *EPISODE.only("wall_duration_s", "started_at", "ended_at", "images_directory"),
@@ -203,10 +203,10 @@ def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any
     # For all campaigns, `+ 0` keeps the database from using the index, which would return the episodes in another order
     # than the table's; sorting them is slower than reading them.
     some = chosen.models or chosen.sites or chosen.robots or chosen.campaigns
-    campaign = Trial.campaign_id if some else Trial.campaign_id + 0
+    campaign = TrialRow.campaign_id if some else TrialRow.campaign_id + 0
     wanted: list[Any] = [campaign.in_(list(condition_of))]
     if chosen.goals:
-        wanted.append(Trial.goal.in_(chosen.goals))
+        wanted.append(TrialRow.goal.in_(chosen.goals))
     return wanted
 
 
@@ -216,7 +216,7 @@ def episodes_query() -> Select[Any]:
     columns = (
         type_coerce(one.sql[0], NullType()) if one.base in (bool, datetime) else one.sql[0] for one in _OF_RECORD
     )
-    return episodes_of_trials(*columns).order_by(Episode.id)
+    return episodes_of_trials(*columns).order_by(EpisodeRow.id)
 
 
 _BATCH = 200
@@ -277,9 +277,9 @@ def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[in
     import pandas as pd
 
     rows = connection.execute(
-        select(Trial.campaign_id, Trial.goal, Trial.start, func.count())
+        select(TrialRow.campaign_id, TrialRow.goal, TrialRow.start, func.count())
         .where(*trial_filter(chosen, condition_of))
-        .group_by(Trial.campaign_id, Trial.goal, Trial.start)
+        .group_by(TrialRow.campaign_id, TrialRow.goal, TrialRow.start)
     ).all()
     frame = pd.DataFrame([tuple(row) for row in rows], columns=["campaign", "goal", "start", "trials"])
     frame["condition"] = frame["campaign"].map(dict(condition_of)).astype(np.int64)

@@ -9,7 +9,7 @@ from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.reading.read_model import COUNTED, VOID
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Verdict
+from vsnbench.results.schema.tables import VerdictRow
 from vsnbench.results.second_judgements import Outcome, person_key, second_judgements
 from vsnbench.statistics.agreement import JudgedTwice, judge_agreement
 
@@ -18,15 +18,15 @@ PERSON, PROTOCOL = "person", "protocol"
 
 def latest_judgements(engine: Engine) -> dict[int, tuple[Any, Any]]:
     """Return the protocol's first verdict (or None) and the operator's current verdict of each judged episode."""
-    judged = select(Verdict.episode_id).where(Verdict.source == PERSON)
+    judged = select(VerdictRow.episode_id).where(VerdictRow.source == PERSON)
     with record_errors(engine), engine.connect() as connection:
         rows = connection.execute(
             select(
-                *(Verdict.episode_id, Verdict.success, Verdict.source, Verdict.proposed),
-                *(Verdict.author, Verdict.reason, Verdict.note),
+                *(VerdictRow.episode_id, VerdictRow.success, VerdictRow.source, VerdictRow.proposed),
+                *(VerdictRow.author, VerdictRow.reason, VerdictRow.note),
             )
-            .where(Verdict.episode_id.in_(judged))
-            .order_by(Verdict.episode_id, Verdict.id)
+            .where(VerdictRow.episode_id.in_(judged))
+            .order_by(VerdictRow.episode_id, VerdictRow.id)
         ).all()
     first: dict[int, Any] = {}
     current: dict[int, Any] = {}

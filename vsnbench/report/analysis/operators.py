@@ -10,7 +10,7 @@ from vsnbench.report.analysis.cell_counts import outcomes_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.judgements import latest_judgements
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import Event, Robot, Session
+from vsnbench.results.schema.tables import EventRow, RobotRow, SessionRow
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.permutation import Stratum, stratified_permutation
@@ -28,12 +28,14 @@ def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivi
     """Return the operators and sessions; None without operators, or with one operator in one session."""
     with record_errors(engine), engine.connect() as connection:
         rows = connection.execute(
-            select(Session.id, Session.operator, Robot.title, Session.began_at, Session.ended_at)
-            .join(Robot, Robot.id == Session.robot_id)
-            .where(Session.id.in_([int(number) for number in record.episodes["session"].unique() if number]))
-            .order_by(Session.began_at, Session.id)
+            select(SessionRow.id, SessionRow.operator, RobotRow.title, SessionRow.began_at, SessionRow.ended_at)
+            .join(RobotRow, RobotRow.id == SessionRow.robot_id)
+            .where(SessionRow.id.in_([int(number) for number in record.episodes["session"].unique() if number]))
+            .order_by(SessionRow.began_at, SessionRow.id)
         ).all()
-        acted = connection.execute(select(Event.episode_id, Event.author).where(Event.kind == INTERVENTION)).all()
+        acted = connection.execute(
+            select(EventRow.episode_id, EventRow.author).where(EventRow.kind == INTERVENTION)
+        ).all()
     judged_by, overruled = _judged(engine)
     if len(rows) < 2 and not acted and not judged_by:
         return None

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.summary import ConditionSummary, Group, Results, sum_of
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults, sum_of
 from vsnbench.settings.yaml_text import load_yaml
 from vsnbench.statistics.clustered import independent_outcomes
 from vsnbench.statistics.rates import Proportion
@@ -31,7 +31,7 @@ class PublishedStops(_Data):
 
 
 class PublishedModel(_Data):
-    """Results of one model on the real robot (paper, Tables 3 to 5)."""
+    """ReportResults of one model on the real robot (paper, Tables 3 to 5)."""
 
     name: str
     title: str
@@ -82,12 +82,12 @@ def published() -> Published:
     return Published.model_validate(load_yaml(text))
 
 
-def published_results() -> Results:
+def published_results() -> ReportResults:
     """Return the paper's Tables 4 and 5 as results; missing values are NaN or None."""
     paper = published()
     goals = [set(model.goals) for model in paper.models]
     shared = tuple(goal for goal in paper.models[0].goals if all(goal in reported for reported in goals))
-    return Results(
+    return ReportResults(
         tuple(_condition(paper, model, shared, place) for place, model in enumerate(paper.models, start=1)),
     )
 

@@ -140,7 +140,7 @@ class ConditionSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Results:
+class ReportResults:
     """All conditions of a report."""
 
     conditions: tuple[ConditionSummary, ...]
@@ -151,7 +151,7 @@ class Results:
         return sum(summary.total.episodes for summary in self.conditions)
 
 
-def summarise(record: ReportData) -> Results:
+def summarise(record: ReportData) -> ReportResults:
     """Compute the statistics of all conditions."""
     everything = EpisodeColumns.of(record.episodes)
     episodes, none = dict(everything.by(everything.condition)), everything[:0]
@@ -168,7 +168,7 @@ def summarise(record: ReportData) -> Results:
         },
     )
     numbered = [(condition.number, condition) for condition in record.conditions]
-    return Results(
+    return ReportResults(
         tuple(
             _condition(condition, episodes.get(number, none), planned[number], shared[number], record.goals)
             for number, condition in numbered

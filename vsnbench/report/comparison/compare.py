@@ -15,7 +15,7 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.comparability import MIN_COVERAGE
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData, empty_report_data, goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Group, Results, sum_of
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults, sum_of
 from vsnbench.report.comparison.effects import MEASURED, EffectComparison, effects
 from vsnbench.report.comparison.pairing import (
     Matches,
@@ -29,7 +29,7 @@ from vsnbench.report.comparison.pairing import (
 )
 from vsnbench.report.comparison.power import AttainableP, DesignPower, attainable_p, design_power
 from vsnbench.statistics.clustered import Outcomes
-from vsnbench.statistics.conclusion import Conclusion, Evidence, conclude
+from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import paired_test
 from vsnbench.statistics.permutation import exchange_clusters, fisher_effective
@@ -108,7 +108,7 @@ class RateComparison:
     def conclusion(self) -> Conclusion:
         """Conclusion after correction for all comparisons."""
         return conclude(
-            Evidence(self.difference, self.interval, self.adjusted_p, 1 - CONFIDENCE, complete=self.covered)
+            DifferenceEvidence(self.difference, self.interval, self.adjusted_p, 1 - CONFIDENCE, complete=self.covered)
         )
 
     @property
@@ -143,11 +143,11 @@ class Comparison:
 
 def compare(
     record: ReportData,
-    results: Results,
+    results: ReportResults,
     names: Sequence[str],
     *,
     by_goal: bool = False,
-    published: Results | None = None,
+    published: ReportResults | None = None,
     with_power: bool = True,
 ) -> tuple[Comparison, ...]:
     """Compare every pair of the named conditions.
@@ -191,7 +191,7 @@ def compare(
     )
 
 
-def find_condition(name: str, results: Results, published: Results | None) -> ConditionSummary:
+def find_condition(name: str, results: ReportResults, published: ReportResults | None) -> ConditionSummary:
     """Return the condition with this name.
 
     Raises:

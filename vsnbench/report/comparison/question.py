@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from vsnbench.report.analysis.comparability import circumstances
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.comparison.compare import SHARED, Comparison, RateComparison, compare
 from vsnbench.report.comparison.ranking import RankedModel, Ranking, ranking_of
 from vsnbench.report.comparison.verdicts import verdicts
@@ -17,7 +17,7 @@ MAX_MEMBERS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ModelQuestion:
     """Several models on one robot in one site under one protocol."""
 
     where: str
@@ -44,7 +44,7 @@ class Question:
         )
 
 
-def questions(record: ReportData, results: Results) -> tuple[Question, ...]:
+def questions(record: ReportData, results: ReportResults) -> tuple[ModelQuestion, ...]:
     """Return one question for each group of at least two models tested under the same conditions.
 
     The power of designs that found nothing is left to `vsnbench compare`.
@@ -70,7 +70,7 @@ def questions(record: ReportData, results: Results) -> tuple[Question, ...]:
             f"{sanitize(summary.condition.name)}: use `vsnbench compare`" for summary in enough[MAX_MEMBERS:]
         ]
         found.append(
-            Question(
+            ModelQuestion(
                 where=f"{sanitize(first.robot_title or first.robot)}, {first.environment}, in {sanitize(first.site)}",
                 members=tuple(members),
                 comparisons=comparisons,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
 from vsnbench.report.comparison.compare import over_goals
 from vsnbench.report.comparison.pairing import (
     Pairing,
@@ -61,7 +61,7 @@ class SimRealPair:
         return rank_correlation(real.tolist(), simulated.tolist(), clusters.tolist())
 
 
-def sim_real_pairs(results: Results) -> tuple[SimRealPair, ...]:
+def sim_real_pairs(results: ReportResults) -> tuple[SimRealPair, ...]:
     """Return every model that has both real and simulated results, on the shared goals."""
     return tuple(
         found

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from vsnbench.protocol.disturbances import Disturbance
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.comparison.compare import SHARED, RateComparison, compare
 from vsnbench.report.comparison.effects import EffectComparison
 from vsnbench.report.comparison.pairing import MATCHED_BY, seeded
@@ -108,7 +108,7 @@ class StressedModel:
         return Harm(name, sum(known) / len(known) if known else 0.0, examples)
 
 
-def stressed_model(record: ReportData, results: Results, campaigns: StressedCampaigns) -> StressedModel | None:
+def stressed_model(record: ReportData, results: ReportResults, campaigns: StressedCampaigns) -> StressedModel | None:
     """Return the losses of one model in one site; None without undisturbed results.
 
     Args:
@@ -134,7 +134,10 @@ def stressed_model(record: ReportData, results: Results, campaigns: StressedCamp
 
 
 def _loss(
-    record: ReportData, results: Results, pair: tuple[ConditionSummary, ConditionSummary], disturbance: Disturbance
+    record: ReportData,
+    results: ReportResults,
+    pair: tuple[ConditionSummary, ConditionSummary],
+    disturbance: Disturbance,
 ) -> Loss | None:
     names = [summary.condition.name for summary in pair]
     comparison = compare(record, results, names, with_power=False)[0]

@@ -6,7 +6,7 @@ from typing import Any
 
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,
     INK,
@@ -32,7 +32,7 @@ _LOOKS: tuple[dict[str, Any], ...] = (
 _Panel = tuple[ConditionSummary, Rows]
 
 
-def action_histogram(results: Results, actions: Rows) -> Iterator[Drawing]:
+def action_histogram(results: ReportResults, actions: Rows) -> Iterator[Drawing]:
     """Draw one panel per condition with the chosen and the executed actions; nothing without actions."""
     panels = [
         (summary, mine)

@@ -8,7 +8,7 @@ import numpy as np
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.sensitivity import Grid, grid
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     INK,
     SUCCESS,
@@ -36,7 +36,7 @@ _TITLE_PT = 7.0
 _Panel = tuple[ConditionSummary, Grid]
 
 
-def success_by_cell(results: Results) -> Iterator[Drawing]:
+def success_by_cell(results: ReportResults) -> Iterator[Drawing]:
     """Draw each cell's success rate as a shade; nothing without known starting positions or with a single cell."""
     panels = [(summary, cells) for summary in results.conditions if len((cells := grid(summary)).cells) > 1]
     return in_pages(panels, MAX_PANELS, _drawing)

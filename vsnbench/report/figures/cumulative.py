@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vsnbench.report.analysis.conditions import Condition, footnotes, kinds_note
 from vsnbench.report.analysis.episodes_frame import ReportData
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,
     DASHES,
@@ -31,7 +31,7 @@ _MOST_POINTS = 2000
 """Maximum number of points of a curve."""
 
 
-def outcomes_over_actions(record: ReportData, results: Results) -> Iterator[Drawing]:
+def outcomes_over_actions(record: ReportData, results: ReportResults) -> Iterator[Drawing]:
     """Draw the cumulative incidence of success and failure over the number of actions.
 
     Success and failure are competing events: a survival curve would rate a model that collides early like one that

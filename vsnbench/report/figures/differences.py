@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.comparison.question import Question
+from vsnbench.report.comparison.question import ModelQuestion
 from vsnbench.report.figures.style import (
     FAINT,
     INK,
@@ -20,12 +20,12 @@ from vsnbench.report.figures.text_layout import shown, wrapped
 _LABEL_PT = 6.5
 
 
-def differences(questions: Sequence[Question]) -> Iterator[Drawing]:
+def differences(questions: Sequence[ModelQuestion]) -> Iterator[Drawing]:
     """Draw the differences of all pairs, one figure per question; the better model is named first."""
     return in_pages([question for question in questions if question.pairs], 1, lambda page: _drawing(page[0]))
 
 
-def _drawing(question: Question) -> Drawing:
+def _drawing(question: ModelQuestion) -> Drawing:
     width, parts = page_in() * 0.75, []
     with styled():
         rows = []

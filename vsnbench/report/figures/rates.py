@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.published import PAPER_INTERVALS
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,
     FAINT,
@@ -24,7 +24,7 @@ from vsnbench.report.figures.text_layout import legend_below, shown
 from vsnbench.report.tables.headline import headlines
 
 
-def success_by_goal(results: Results, published: Results | None = None) -> Iterator[Drawing]:
+def success_by_goal(results: ReportResults, published: ReportResults | None = None) -> Iterator[Drawing]:
     """Draw each goal's success rate with its 95 % interval, one row per goal and one mark per condition.
 
     Args:

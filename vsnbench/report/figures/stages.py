@@ -7,7 +7,7 @@ from typing import Any
 from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import INK, SUCCESS, Drawing, in_pages, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
 from vsnbench.report.tables.success import SUMMARY
@@ -31,7 +31,7 @@ _LABELS = {
 _Bar = tuple[ConditionSummary, Mapping[str, Any]]
 
 
-def stage_bars(results: Results, courses: Rows) -> Iterator[Drawing]:
+def stage_bars(results: ReportResults, courses: Rows) -> Iterator[Drawing]:
     """Draw the share of each furthest stage with the mean progress; nothing without known stages."""
     known = {course["condition"]: course for course in courses if course["stages"]}
     bars = [(summary, known[n]) for summary in results.conditions if (n := summary.condition.number) in known]

@@ -1,17 +1,17 @@
-"""Results as CSV."""
+"""ReportResults as CSV."""
 
 import csv
 import io
 from collections.abc import Iterator
 from typing import Any
 
-from vsnbench.report.analysis.summary import Results
+from vsnbench.report.analysis.summary import ReportResults
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.success import SUMMARY
 from vsnbench.text.sanitize import sanitize
 
 
-def to_csv(results: Results) -> str:
+def to_csv(results: ReportResults) -> str:
     """Return one row per goal and total; the column `goal` is `total` or `total of shared goals` for totals.
 
     `name` is unique per condition; `differing` lists the settings that differ from other conditions of the model.
@@ -26,7 +26,7 @@ def to_csv(results: Results) -> str:
     return file.getvalue()
 
 
-def _lines(results: Results) -> Iterator[dict[str, Any]]:
+def _lines(results: ReportResults) -> Iterator[dict[str, Any]]:
     for summary in results.conditions:
         condition = {
             **CONDITION.fields(summary.condition),

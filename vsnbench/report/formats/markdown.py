@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from vsnbench.report.table import Cell, ReportTable, Row, footnotes_of
+from vsnbench.report.table import ReportTable, Row, TableCell, footnotes_of
 from vsnbench.text.sanitize import sanitize
 
 
@@ -39,6 +39,6 @@ def _table_lines(table: ReportTable) -> str:
     return "\n".join([f"### {escaped(table.title)}\n", line(headings), line(rule), *map(line, lines), *notes])
 
 
-def _cell(cell: Cell, row: Row) -> str:
+def _cell(cell: TableCell, row: Row) -> str:
     text = escaped(cell.text)
     return f"**{text}**" if row.total and text else text

@@ -7,7 +7,7 @@ never speaks of success as if it had been compared: more progress means that the
 
 from collections.abc import Mapping
 
-from vsnbench.report.study.primary import Answer, Primary
+from vsnbench.report.study.primary import Primary, PrimaryAnswer
 from vsnbench.report.wording import caution, compared, interval_words, trial_count
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
@@ -48,7 +48,7 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
     return f"{words}."
 
 
-def _sentence(study: StudyFile, answer: Answer, shown: Mapping[str, str], where: str) -> str:
+def _sentence(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str], where: str) -> str:
     k, m = answer.successes
     if not answer.cells:
         return f"no data for {' and '.join(shown[arm] for arm in (answer.first, answer.second) if arm)}"
@@ -81,7 +81,7 @@ def _sentence(study: StudyFile, answer: Answer, shown: Mapping[str, str], where:
     )
 
 
-def _of_progress(study: StudyFile, answer: Answer, shown: Mapping[str, str], successes: str, where: str) -> str:
+def _of_progress(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str], successes: str, where: str) -> str:
     first, second = shown[answer.first], shown[answer.second or ""]
     mine, theirs = answer.means or (0.0, 0.0)
     seen = f"{100 * (mine - theirs):+.0f} points {interval_words(Interval(answer.low, answer.high))}"
@@ -105,7 +105,7 @@ def _of_progress(study: StudyFile, answer: Answer, shown: Mapping[str, str], suc
     )
 
 
-def _doubt(study: StudyFile, answer: Answer) -> str:
+def _doubt(study: StudyFile, answer: PrimaryAnswer) -> str:
     """Return why no winner is named if only the test or only the interval would name one."""
     if not (doubt := caution(answer.conclusion, study.margin)):
         return ""

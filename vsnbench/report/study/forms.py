@@ -22,7 +22,7 @@ from vsnbench.report.measures import (
     values,
 )
 from vsnbench.report.study.findings import StudyFindings
-from vsnbench.report.study.primary import Answer
+from vsnbench.report.study.primary import PrimaryAnswer
 from vsnbench.report.study.tables import study_tables
 from vsnbench.results.studies.entries import StudyTrialProgress
 
@@ -67,40 +67,32 @@ def _arm(key: str, meaning: str, null: str = "") -> Measure:
     return Measure(key, TEXT, meaning, shown, null=null)
 
 
-_Answer = tuple[StudyFindings, Answer]
+_Answer = tuple[StudyFindings, PrimaryAnswer]
 _DIFFERENCE = "first minus second, in `metric`; for a fixed rate the first rate"
 _P, _DECIDED = "two-sided p-value after correction", "where the interval or a count decides"
 _COUNTED = "the remaining trials cannot reverse the lead, and no test decided"
 _UNITS = "complete blocks or starting positions that were evaluated; 0 for `stopping: plan`"
 _WORDS = "`first better`, `second better`, `test only`, `interval only`, `not shown` or `incomplete`"
 _ANSWER = Measures(
-    (
-        _arm("first", "name of the first arm, or its code"),
-        _arm("second", "name of the second arm, or its code", "for a fixed rate"),
-        *Measures(
-            (
-                Measure("cells", COUNT, "number of evaluated cells, without repetitions"),
-                Measure("trials", COUNT, "trials of each arm in these cells"),
-                Measure("successes", NUMBERS, "successes of the first and the second arm"),
-                Measure("difference", NUMBER, _DIFFERENCE),
-                Measure("low", NUMBER, "lower limit of the interval of `difference`"),
-                Measure("high", NUMBER, "upper limit of the interval of `difference`"),
-                Measure("p", NUMBER, _P, null=_DECIDED),
-            )
-        ).within(lambda row: row[1]),
-        _arm("winner", "better arm", "if undecided"),
-        _arm("loser", "worse arm", "if undecided"),
-        *Measures(
-            (
-                Measure("counted", FLAG, _COUNTED),
-                Measure("open", FLAG, "no conclusion is possible yet"),
-                Measure("units", COUNT, _UNITS),
-                Measure("conclusion", TEXT, _WORDS),
-                Measure("metric", TEXT, "`success` or `progress`"),
-                Measure("means", values(NUMBER), "mean progress of both arms", null="for success"),
-            )
-        ).within(lambda row: row[1]),
-    )
+    _arm("first", "name of the first arm, or its code"),
+    _arm("second", "name of the second arm, or its code", "for a fixed rate"),
+    *Measures(
+        Measure("cells", COUNT, "number of evaluated cells, without repetitions"),
+        Measure("trials", COUNT, "trials of each arm in these cells"),
+        Measure("successes", NUMBERS, "successes of the first and the second arm"),
+        Measure("difference", NUMBER, _DIFFERENCE),
+        Measure("low", NUMBER, "lower limit of the interval of `difference`"),
+        Measure("high", NUMBER, "upper limit of the interval of `difference`"),
+        Measure("p", NUMBER, _P, null=_DECIDED),
+        Measure("counted", FLAG, _COUNTED),
+        Measure("open", FLAG, "no conclusion is possible yet"),
+        Measure("units", COUNT, _UNITS),
+        Measure("conclusion", TEXT, _WORDS),
+        Measure("metric", TEXT, "`success` or `progress`"),
+        Measure("means", values(NUMBER), "mean progress of both arms", null="for success"),
+    ).within(lambda row: row[1]),
+    _arm("winner", "better arm", "if undecided"),
+    _arm("loser", "worse arm", "if undecided"),
 )
 
 
@@ -111,47 +103,42 @@ def _dropped(found: StudyFindings) -> dict[str, int]:
 _DROPPED = "beaten arm → number of complete units (blocks or starting positions) after which it was left out"
 _OVER = "why the study ended before all trials were done; empty otherwise"
 _PRIMARY = Measures(
-    (
-        *Measures(
-            (
-                Measure("method", TEXT, "method of the analysis"),
-                Measure("about", TEXT, "what the conclusion generalizes to"),
-                Measure("cells", COUNT, "planned cells of the shared goals, without repetitions"),
-                Measure("trials_per_arm", COUNT, "planned trials of each arm in these cells", "trials"),
-                Measure("over", TEXT, _OVER),
-            )
-        ).within("primary"),
-        Measure("dropped", COUNTS, _DROPPED, _dropped),
-        Measure(
-            "answers",
-            objects(_ANSWER),
-            "one object per pair of arms, or per arm and fixed rate",
-            lambda found: [(found, answer) for answer in found.primary.answers],
-        ),
-    )
+    *Measures(
+        Measure("method", TEXT, "method of the analysis"),
+        Measure("about", TEXT, "what the conclusion generalizes to"),
+        Measure("cells", COUNT, "planned cells of the shared goals, without repetitions"),
+        Measure("trials_per_arm", COUNT, "planned trials of each arm in these cells", "trials"),
+        Measure("over", TEXT, _OVER),
+    ).within("primary"),
+    Measure("dropped", COUNTS, _DROPPED, _dropped),
+    Measure(
+        "answers",
+        objects(_ANSWER),
+        "one object per pair of arms, or per arm and fixed rate",
+        lambda found: [(found, answer) for answer in found.primary.answers],
+    ),
 )
 _PLAN = Measures(
-    (
-        Measure("sha256", TEXT, "SHA-256 of the plan as locked", "locked_sha256"),
-        Measure("amended_sha256", TEXT, "SHA-256 of the plan as last amended", "sha256"),
-        Measure("schedule_sha256", TEXT, "SHA-256 of the order of trials"),
-        Measure("locked_at", TEXT, "time of the lock"),
-        Measure("blind", FLAG, "codes are shown until study unblind", "is_blind"),
-    )
+    Measure("sha256", TEXT, "SHA-256 of the plan as locked", "locked_sha256"),
+    Measure("amended_sha256", TEXT, "SHA-256 of the plan as last amended", "sha256"),
+    Measure("schedule_sha256", TEXT, "SHA-256 of the order of trials"),
+    Measure("locked_at", TEXT, "time of the lock"),
+    Measure("blind", FLAG, "codes are shown until study unblind", "is_blind"),
 )
-_DEVIATION = Measures((Measure("what", TEXT, "kind of deviation"), Measure("words", TEXT, "the deviation in words")))
+_DEVIATION = Measures(
+    Measure("what", TEXT, "kind of deviation"),
+    Measure("words", TEXT, "the deviation in words"),
+)
 _TRIAL = Measures(
-    (
-        Measure("rank", COUNT, "place in the schedule"),
-        Measure("block", COUNT, "number of the block"),
-        Measure("arm", TEXT, "arm or its code"),
-        Measure("goal", TEXT, "goal of the trial", "trial.goal"),
-        Measure("start", COUNT, "number of the starting position", "trial.start"),
-        Measure("repetition", COUNT, "number of the repetition, from 1", "trial.repetition"),
-        Measure("episode", COUNT, "number of the episode that counts", "episode_id", null="if the trial is open"),
-        Measure("success", FLAG, "verdict", null="without one"),
-        Measure("progress", NUMBER, "progress of the episode, 0 to 1"),
-    )
+    Measure("rank", COUNT, "place in the schedule"),
+    Measure("block", COUNT, "number of the block"),
+    Measure("arm", TEXT, "arm or its code"),
+    Measure("goal", TEXT, "goal of the trial", "trial.goal"),
+    Measure("start", COUNT, "number of the starting position", "trial.start"),
+    Measure("repetition", COUNT, "number of the repetition, from 1", "trial.repetition"),
+    Measure("episode", COUNT, "number of the episode that counts", "episode_id", null="if the trial is open"),
+    Measure("success", FLAG, "verdict", null="without one"),
+    Measure("progress", NUMBER, "progress of the episode, 0 to 1"),
 )
 
 
@@ -160,15 +147,13 @@ def _trials(found: StudyFindings) -> list[StudyTrialProgress]:
 
 
 STUDY = Measures(
-    (
-        Measure("title", TEXT, "title of the study", "recorded.title"),
-        Measure("question", TEXT, "question of the study", "plan.question"),
-        Measure("conclusion", TEXT, "conclusion in words"),
-        Measure("primary", an_object(_PRIMARY), "the planned analysis", lambda found: found),
-        Measure("plan", an_object(_PLAN), "the plan as locked", "recorded"),
-        Measure("deviations", objects(_DEVIATION), "deviations from the plan"),
-        Measure("trials", objects(_TRIAL), "one object per trial", _trials),
-    )
+    Measure("title", TEXT, "title of the study", "recorded.title"),
+    Measure("question", TEXT, "question of the study", "plan.question"),
+    Measure("conclusion", TEXT, "conclusion in words"),
+    Measure("primary", an_object(_PRIMARY), "the planned analysis", lambda found: found),
+    Measure("plan", an_object(_PLAN), "the plan as locked", "recorded"),
+    Measure("deviations", objects(_DEVIATION), "deviations from the plan"),
+    Measure("trials", objects(_TRIAL), "one object per trial", _trials),
 )
 """The JSON object of `StudyFindings`; rates and differences from 0 to 1."""
 

@@ -149,22 +149,18 @@ def _needed_starts(study: StudyFile, by_start: Floats) -> float:
 
 _SHARE = "share of simulated studies that name the better model"
 _COST = Measures(
-    (
-        Measure("metric", TEXT, "`success` or `progress`"),
-        Measure("difference", Form({"type": "number"}), "mean over the shared cells, first minus second"),
-        Measure("found", NUMBER, _SHARE, null="for `stopping: plan`"),
-        Measure("blocks", NUMBER, "mean number of blocks", null="if no number suffices"),
-    )
+    Measure("metric", TEXT, "`success` or `progress`"),
+    Measure("difference", Form({"type": "number"}), "mean over the shared cells, first minus second"),
+    Measure("found", NUMBER, _SHARE, null="for `stopping: plan`"),
+    Measure("blocks", NUMBER, "mean number of blocks", null="if no number suffices"),
 )
 PILOT = Measures(
-    (
-        Measure("first", TEXT, "name of the first condition"),
-        Measure("second", TEXT, "name of the second condition"),
-        Measure("cells", COUNT, "number of shared cells"),
-        Measure("success", an_object(_COST), "a study on success alone"),
-        Measure("progress", an_object(_COST), "a study on progress"),
-        Measure("saved", NUMBER, "blocks that progress saves"),
-    )
+    Measure("first", TEXT, "name of the first condition"),
+    Measure("second", TEXT, "name of the second condition"),
+    Measure("cells", COUNT, "number of shared cells"),
+    Measure("success", an_object(_COST), "a study on success alone"),
+    Measure("progress", an_object(_COST), "a study on progress"),
+    Measure("saved", NUMBER, "blocks that progress saves"),
 )
 """The JSON object of a `PilotPair`."""
 
@@ -174,27 +170,25 @@ def pilot_table(pairs: Sequence[PilotPair], study: StudyFile) -> ReportTable:
     decided = study.stopping == "decided"
     needed = "blocks run" if decided else f"blocks for {study.power:.0%} power"
     measures = Measures(
-        (
-            Measure("", TEXT, of=lambda row: f"{row[0].first} – {row[0].second}", heading="recorded models"),
-            Measure("", COUNT, "shared cells of the study's goals", lambda row: row[0].cells, heading="cells"),
-            Measure("", TEXT, of=lambda row: row[1].metric, heading="metric"),
-            Measure("", percents(1), of=lambda row: row[1].difference, heading="difference %"),
-            *([Measure("", percents(0), of=lambda row: row[1].found, heading="finds the better %")] if decided else []),
-            Measure(
-                "",
-                decimals(0),
-                "a block is every arm once on one cell and repetition",
-                lambda row: row[1].blocks,
-                heading=needed,
-            ),
-            Measure(
-                "",
-                decimals(0),
-                "against success alone; negative if progress needs more",
-                _saved,
-                heading="blocks saved",
-            ),
-        )
+        Measure("", TEXT, of=lambda row: f"{row[0].first} – {row[0].second}", heading="recorded models"),
+        Measure("", COUNT, "shared cells of the study's goals", lambda row: row[0].cells, heading="cells"),
+        Measure("", TEXT, of=lambda row: row[1].metric, heading="metric"),
+        Measure("", percents(1), of=lambda row: row[1].difference, heading="difference %"),
+        *([Measure("", percents(0), of=lambda row: row[1].found, heading="finds the better %")] if decided else []),
+        Measure(
+            "",
+            decimals(0),
+            "a block is every arm once on one cell and repetition",
+            lambda row: row[1].blocks,
+            heading=needed,
+        ),
+        Measure(
+            "",
+            decimals(0),
+            "against success alone; negative if progress needs more",
+            _saved,
+            heading="blocks saved",
+        ),
     )
     rows = [(pair, cost) for pair in pairs for cost in (pair.success, pair.progress)]
     how = (

@@ -8,17 +8,17 @@ from typing import Any
 
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
-from vsnbench.statistics.conclusion import Conclusion, Evidence, conclude
+from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm, simultaneous
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
-from vsnbench.study.stopping import Question, decide
+from vsnbench.study.stopping import ArmQuestion, decide
 from vsnbench.study.units import shared_blocks
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PrimaryAnswer:
     """Result for one pair of arms, or one arm and a rate."""
 
     first: str
@@ -67,7 +67,7 @@ class Primary:
     method: str
     about: str
     """What the inference is about."""
-    answers: tuple[Answer, ...]
+    answers: tuple[PrimaryAnswer, ...]
     cells: int
     """Planned cells of the shared goals, without repetitions."""
     trials: int
@@ -115,13 +115,13 @@ def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
     )
 
 
-def _of_question(study: StudyFile, asked: Question, *, over: bool) -> Answer:
+def _of_question(study: StudyFile, asked: ArmQuestion, *, over: bool) -> PrimaryAnswer:
     """Return the answer to a question of the betting sequences; a lead that was only counted names no winner."""
     rate = study.primary.rate if isinstance(study.primary, Rate) else 0.0
     p = 0.0 if asked.decided and not asked.counted else 1.0  # Holm's decision at an earlier look
     interval = Interval(asked.low - rate, asked.high - rate)
-    found = conclude(Evidence(asked.difference - rate, interval, p, study.alpha, study.margin))
-    return Answer(
+    found = conclude(DifferenceEvidence(asked.difference - rate, interval, p, study.alpha, study.margin))
+    return PrimaryAnswer(
         first=asked.first,
         second=asked.second,
         cells=asked.cells,
@@ -192,11 +192,11 @@ def _metric(study: StudyFile, means: tuple[float, float]) -> dict[str, Any]:
     return {"metric": "progress", "means": means} if study.of_progress else {}
 
 
-def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, complete: bool) -> Answer:
+def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, complete: bool) -> PrimaryAnswer:
     first, second = pair
     outcomes, interval = seen.outcomes, seen.interval
-    found = conclude(Evidence(seen.difference, interval, seen.p, study.alpha, study.margin, complete))
-    return Answer(
+    found = conclude(DifferenceEvidence(seen.difference, interval, seen.p, study.alpha, study.margin, complete))
+    return PrimaryAnswer(
         first=first,
         second=second,
         cells=len(outcomes.cells),
@@ -212,13 +212,15 @@ def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, comple
     )
 
 
-def _against_rate(study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], *, complete: bool) -> Answer:
+def _against_rate(
+    study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], *, complete: bool
+) -> PrimaryAnswer:
     cells = _cells(shared, primary.arm, lambda trial: trial.success)
     outcomes = Outcomes(tuple(cells[place] for place in sorted(cells)))
     interval, seen = rate_interval(outcomes, 1 - study.alpha), outcomes.proportion.rate
     apart = Interval(interval.low - primary.rate, interval.high - primary.rate)
-    found = conclude(Evidence(seen - primary.rate, apart, None, study.alpha, study.margin, complete))
-    return Answer(
+    found = conclude(DifferenceEvidence(seen - primary.rate, apart, None, study.alpha, study.margin, complete))
+    return PrimaryAnswer(
         first=primary.arm,
         second=None,
         cells=len(cells),

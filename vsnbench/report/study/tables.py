@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import goal_title
 from vsnbench.report.study.findings import StudyFindings
-from vsnbench.report.study.primary import Answer
-from vsnbench.report.table import UNKNOWN, Cell, Column, ReportTable, Row, of, percent, row
+from vsnbench.report.study.primary import PrimaryAnswer
+from vsnbench.report.table import UNKNOWN, Column, ReportTable, Row, TableCell, of, percent, row
 from vsnbench.report.wording import compared
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import MIN_UNITS
@@ -58,7 +58,7 @@ def _primary(found: StudyFindings) -> ReportTable:
     return ReportTable("primary", "Primary analysis", columns, rows, tuple(notes))
 
 
-def _answer_row(found: StudyFindings, result: Answer) -> Row:
+def _answer_row(found: StudyFindings, result: PrimaryAnswer) -> Row:
     shown = found.shown
     known = math.isfinite(result.difference)
     has_interval = Interval(result.low, result.high).known
@@ -82,7 +82,7 @@ def _answer_row(found: StudyFindings, result: Answer) -> Row:
         k,
         f"{100 * result.difference:{sign}.1f}" if known else UNKNOWN,
         f"[{100 * result.low:{sign}.1f}, {100 * result.high:{sign}.1f}]" if known and has_interval else UNKNOWN,
-        Cell(_p(result.p if has_interval else None), result.p if result.p is not None else -1.0),
+        TableCell(_p(result.p if has_interval else None), result.p if result.p is not None else -1.0),
     )
 
 
@@ -183,7 +183,7 @@ def _over_time(done: Sequence[StudyTrialProgress]) -> Trend:
     return trend(list(strata.values()))
 
 
-def _share(own: Sequence[StudyTrialProgress]) -> Cell:
+def _share(own: Sequence[StudyTrialProgress]) -> TableCell:
     return of(sum(bool(trial.success) for trial in own), len(own))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes, kinds_note
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import COUNT, FLAG, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
@@ -15,7 +15,7 @@ from vsnbench.results.reading.read_model import COUNTED, RUNNING
 from vsnbench.results.writing.imports import IMPORTED
 
 
-def definition_table(goals: Mapping[str, RecordedGoal], results: Results) -> ReportTable | None:
+def definition_table(goals: Mapping[str, RecordedGoal], results: ReportResults) -> ReportTable | None:
     """Return the definitions of the goals that are not categories; None if there is none."""
     used = sorted({goal for summary in results.conditions for goal in summary.own_goals if goal in goals})
     if not used:
@@ -39,14 +39,12 @@ _END_REASON = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or
 MODEL = Measure("", TEXT, of="model", heading="model")
 """First column of tables with several conditions."""
 ENDS = Measures(
-    (
-        MODEL,
-        Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
-        Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
-        Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
-        Measure("", percents(), of="share", heading="% of counted", rank=1),
-        Measure("", TEXT, of="kind", heading="kind"),
-    )
+    MODEL,
+    Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
+    Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
+    Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
+    Measure("", percents(), of="share", heading="% of counted", rank=1),
+    Measure("", TEXT, of="kind", heading="kind"),
 )
 
 
@@ -68,7 +66,7 @@ def end_counts(summary: ConditionSummary) -> list[dict[str, Any]]:
     return rows
 
 
-def end_reason_table(results: Results) -> ReportTable:
+def end_reason_table(results: ReportResults) -> ReportTable:
     """Return the number of episodes by end reason and condition."""
     names = footnotes([summary.condition for summary in results.conditions])
     rows = [row for summary in results.conditions for row in end_counts(summary)]
@@ -90,48 +88,48 @@ _FAILED = "failed motion, lost sensor, model error, dead process"
 _HELPED = "operator actions on a real robot, except placing it"
 _HOURS, _KM = decimals(2, unit=3600), decimals(2, unit=1000)
 ROBOTS = Measures(
-    (
-        Measure("robot", TEXT, "name of the robot profile"),
-        Measure("title", TEXT, "the robot's name for people"),
-        Measure("simulated", FLAG, "the robot is simulated"),
-        Measure("", TEXT, of=_robot, heading="robot"),
-        Measure(
-            "driving_s",
-            _HOURS,
-            _DRIVING,
-            heading="driving h",
-            note="sum of the episodes' durations on the robot's clock, hours",
-        ),
-        Measure("elapsed_s", _HOURS, _ELAPSED, heading="elapsed h", note=_SESSIONS, rank=2),
-        Measure("path_m", _KM, "length of the driven paths", heading="km", note=""),
-        Measure("episodes", COUNT, "number of episodes", heading="episodes", note=_ALL),
-        Measure(
-            "interventions",
-            COUNT,
-            "interventions of operators; 0 for simulated robots",
-            heading="interventions",
-            note=_HELPED,
-            rank=1,
-        ),
-        Measure("collisions", COUNT, "episodes that ended with a collision", heading="collisions", note="", rank=1),
-        Measure(
-            "failures",
-            COUNT,
-            "episodes that ended with a failure of the system",
-            heading="failures",
-            note=_FAILED,
-            rank=1,
-        ),
-        Measure(
-            "failures_per_km",
-            decimals(2),
-            "`failures` per kilometre",
-            _failures_per_km,
-            null="without a path",
-            heading="failures/km",
-            note="",
-        ),
-    )
+    Measure("robot", TEXT, "name of the robot profile"),
+    Measure("title", TEXT, "the robot's name for people"),
+    Measure("simulated", FLAG, "the robot is simulated"),
+    Measure("", TEXT, of=_robot, heading="robot"),
+    Measure("episodes", COUNT, "number of episodes", heading="episodes", note=_ALL),
+    Measure(
+        "driving_s",
+        _HOURS,
+        _DRIVING,
+        heading="driving h",
+        note="sum of the episodes' durations on the robot's clock, hours",
+    ),
+    Measure("elapsed_s", _HOURS, _ELAPSED, heading="elapsed h", note=_SESSIONS, rank=2),
+    Measure("path_m", _KM, "length of the driven paths", heading="km", note=""),
+    Measure(
+        "failures",
+        COUNT,
+        "episodes that ended with a failure of the system",
+        heading="failures",
+        note=_FAILED,
+        rank=1,
+    ),
+    Measure("collisions", COUNT, "episodes that ended with a collision", heading="collisions", note="", rank=1),
+    Measure(
+        "interventions",
+        COUNT,
+        "interventions of operators; 0 for simulated robots",
+        heading="interventions",
+        note=_HELPED,
+        rank=1,
+    ),
+    Measure(
+        "failures_per_km",
+        decimals(2),
+        "`failures` per kilometre",
+        _failures_per_km,
+        null="without a path",
+        heading="failures/km",
+        note="",
+    ),
+).in_columns(
+    *("robot", "driving h", "elapsed h", "km", "episodes", "interventions", "collisions", "failures", "failures/km")
 )
 
 
@@ -153,19 +151,17 @@ def _executed(row: Mapping[str, Any]) -> str:
 
 
 ACTIONS = Measures(
-    (
-        MODEL,
-        Measure("raw_action", TEXT, "action as the model named it", heading="model's action", note=""),
-        Measure("action", TEXT, "action that the robot received"),
-        Measure("blocked", FLAG, "the depth guard prevented the action"),
-        Measure("", TEXT, of=_executed, heading="executed"),
-        Measure("steps", COUNT, "number of steps", heading="steps", note=""),
-        Measure("", percents(), of="share", heading="%"),
-    )
+    MODEL,
+    Measure("raw_action", TEXT, "action as the model named it", heading="model's action", note=""),
+    Measure("action", TEXT, "action that the robot received"),
+    Measure("blocked", FLAG, "the depth guard prevented the action"),
+    Measure("", TEXT, of=_executed, heading="executed"),
+    Measure("steps", COUNT, "number of steps", heading="steps", note=""),
+    Measure("", percents(), of="share", heading="%"),
 )
 
 
-def action_table(results: Results, actions: Rows) -> ReportTable:
+def action_table(results: ReportResults, actions: Rows) -> ReportTable:
     """Return how often each action was chosen and what was executed (paper, Figure 9)."""
     conditions = [summary.condition for summary in results.conditions]
     rows: list[Mapping[str, Any]] = []

@@ -22,7 +22,7 @@ from vsnbench.report.measures import (
     objects,
     percents,
 )
-from vsnbench.report.table import EMPTY, Cell, ReportTable, decimal, interval_cell, without_empty_columns
+from vsnbench.report.table import EMPTY, ReportTable, TableCell, decimal, interval_cell, without_empty_columns
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.wording import listed
 from vsnbench.statistics.bootstrap import MIN_CLUSTERS
@@ -33,7 +33,6 @@ def _side(side: int, word: str) -> tuple[Measure, ...]:
     letter, group = "AB"[side], ("first", "second")[side]
     of_it = f"of the {word} condition"
     return (
-        Measure(f"goals_{word}", TEXTS, f"goals {of_it}", lambda rate: rate.goals[side]),
         Measure(
             f"successes_{word}",
             COUNT,
@@ -86,16 +85,16 @@ def _scope(rate: RateComparison) -> str:
     return {ALL: "all", SHARED: "shared"}.get(rate.scope, rate.scope)
 
 
-def _cells(rate: RateComparison) -> Cell:
+def _cells(rate: RateComparison) -> TableCell:
     a, b = rate.cells
-    return Cell(str(a) if a == b else f"{a}, {b}", a)
+    return TableCell(str(a) if a == b else f"{a}, {b}", a)
 
 
-def _only(rate: RateComparison) -> Cell:
+def _only(rate: RateComparison) -> TableCell:
     matches = rate.matches
     if not (matches and matches.pairs):
         return EMPTY
-    return Cell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
+    return TableCell(f"{matches.only_first} : {matches.only_second}", matches.only_first)
 
 
 _RATE_A_B = "difference in success rate, points; if paired, the mean over the cells"
@@ -111,98 +110,99 @@ _TRIALS = "paired: episodes per cell and model; otherwise trials of the model wi
 _TRIALS_NEEDED, _STARTS_NEEDED = "`trials` needed", "starting positions needed"
 _OBSERVED = "for the observed difference"
 POWER = Measures(
-    (
-        Measure("level", Form({"type": "number"}), "significance level: 0.05 divided by the number of questions"),
-        Measure(
-            "detectable",
-            NUMBER,
-            "smallest difference that is found with 80 % power",
-            null="if there is none or it is not computed",
-        ),
-        Measure("paired", FLAG, "the same cells are compared"),
-        Measure("trials", COUNT, _TRIALS),
-        Measure(
-            "trials_needed", COUNT, f"{_TRIALS_NEEDED} {_OBSERVED}", null="if no number suffices or the rates are equal"
-        ),
-        Measure("starts", COUNT, "starting positions of the model with fewer", null="for independent trials"),
-        Measure("starts_needed", COUNT, f"{_STARTS_NEEDED} {_OBSERVED}", null="above 1,000 or if the rates are equal"),
-        Measure("assumed", FLAG, "no cell has repetitions, so their correlation is assumed"),
-        Measure("different", FLAG, "the observed rates differ"),
-    )
+    Measure("level", Form({"type": "number"}), "significance level: 0.05 divided by the number of questions"),
+    Measure(
+        "detectable",
+        NUMBER,
+        "smallest difference that is found with 80 % power",
+        null="if there is none or it is not computed",
+    ),
+    Measure("paired", FLAG, "the same cells are compared"),
+    Measure("trials", COUNT, _TRIALS),
+    Measure(
+        "trials_needed", COUNT, f"{_TRIALS_NEEDED} {_OBSERVED}", null="if no number suffices or the rates are equal"
+    ),
+    Measure("starts", COUNT, "starting positions of the model with fewer", null="for independent trials"),
+    Measure("starts_needed", COUNT, f"{_STARTS_NEEDED} {_OBSERVED}", null="above 1,000 or if the rates are equal"),
+    Measure("assumed", FLAG, "no cell has repetitions, so their correlation is assumed"),
+    Measure("different", FLAG, "the observed rates differ"),
 )
 RATE = Measures(
-    (
-        Measure("scope", TEXT, "`all goals`, `shared goals` or the name of a goal"),
-        Measure("", TEXT, of=_scope, heading="goals"),
-        *_side(0, "first"),
-        *_side(1, "second"),
-        Measure(
-            "paired",
-            FLAG,
-            "cells that both conditions have are compared with each other; false for independent samples",
-            lambda rate: rate.pairing is not None,
-        ),
-        Measure(
-            "starts",
-            COUNT,
-            "number of shared starting positions",
-            lambda rate: rate.pairing.starts if rate.pairing else None,
-            null="for independent samples",
-        ),
-        Measure(
-            "difference",
-            decimals(2, 100),
-            "first success rate minus the second",
-            null="without episodes",
-            heading="A - B",
-            note=_RATE_A_B,
-        ),
-        Measure(
-            "ci",
-            intervals(),
-            "the 95 % interval of the difference",
-            "interval",
-            heading="95 % interval",
-            note=_NEWCOMBE,
-        ),
-        Measure("", CELL, "combinations of goal and starting position", _cells, heading="cells", rank=2),
-        Measure("", CELL, "matched episodes of which only one succeeded", _only, heading="only A : only B", rank=4),
-        Measure("p", P, "two-sided p-value before correction", heading="p", note=_P),
-        Measure("test", TEXT, "name of the test", heading="test", note="", rank=3),
-        Measure("adjusted_p", NUMBER, "p-value after Holm's correction for all questions"),
-        Measure(
-            "",
-            P,
-            "p after Holm's correction for all comparisons",
-            lambda rate: rate.adjusted_p if rate.questions > 1 else None,
-            heading="Holm p",
-            rank=1,
-        ),
-        Measure("least_p", NUMBER, "smallest p-value that the design can give", "attainable.p"),
-        Measure(
-            "too_few",
-            FLAG,
-            "the design has too few starting positions for any conclusion at `level`",
-            lambda rate: rate.attainable.too_few(rate.level),
-        ),
-        Measure("covered", FLAG, "enough planned trials of both conditions are done to name a winner"),
-        Measure(
-            "significant",
-            FLAG,
-            "a difference is shown: the test rejects and the interval excludes 0",
-            "conclusion.names_winner",
-        ),
-        _matched("pairs", "number of pairs of matched episodes"),
-        _matched("only_first", "pairs in which only the first condition succeeded"),
-        _matched("only_second", "pairs in which only the second condition succeeded"),
-        Measure(
-            "design_power",
-            an_object(POWER),
-            "power of the design",
-            "power",
-            null="if a difference was found or the power is unknown",
-        ),
-    )
+    Measure("scope", TEXT, "`all goals`, `shared goals` or the name of a goal"),
+    Measure("", TEXT, of=_scope, heading="goals"),
+    Measure("goals_first", TEXTS, "goals of the first condition", lambda rate: rate.goals[0]),
+    Measure("goals_second", TEXTS, "goals of the second condition", lambda rate: rate.goals[1]),
+    *_side(0, "first"),
+    *_side(1, "second"),
+    Measure(
+        "paired",
+        FLAG,
+        "cells that both conditions have are compared with each other; false for independent samples",
+        lambda rate: rate.pairing is not None,
+    ),
+    Measure(
+        "starts",
+        COUNT,
+        "number of shared starting positions",
+        lambda rate: rate.pairing.starts if rate.pairing else None,
+        null="for independent samples",
+    ),
+    Measure(
+        "difference",
+        decimals(2, 100),
+        "first success rate minus the second",
+        null="without episodes",
+        heading="A - B",
+        note=_RATE_A_B,
+    ),
+    Measure(
+        "ci",
+        intervals(),
+        "the 95 % interval of the difference",
+        "interval",
+        heading="95 % interval",
+        note=_NEWCOMBE,
+    ),
+    Measure("", CELL, "combinations of goal and starting position", _cells, heading="cells", rank=2),
+    Measure("", CELL, "matched episodes of which only one succeeded", _only, heading="only A : only B", rank=4),
+    Measure("test", TEXT, "name of the test", heading="test", note="", rank=3),
+    Measure("p", P, "two-sided p-value before correction", heading="p", note=_P),
+    Measure("adjusted_p", NUMBER, "p-value after Holm's correction for all questions"),
+    Measure(
+        "",
+        P,
+        "p after Holm's correction for all comparisons",
+        lambda rate: rate.adjusted_p if rate.questions > 1 else None,
+        heading="Holm p",
+        rank=1,
+    ),
+    Measure("least_p", NUMBER, "smallest p-value that the design can give", "attainable.p"),
+    Measure(
+        "too_few",
+        FLAG,
+        "the design has too few starting positions for any conclusion at `level`",
+        lambda rate: rate.attainable.too_few(rate.level),
+    ),
+    Measure("covered", FLAG, "enough planned trials of both conditions are done to name a winner"),
+    Measure(
+        "significant",
+        FLAG,
+        "a difference is shown: the test rejects and the interval excludes 0",
+        "conclusion.names_winner",
+    ),
+    _matched("pairs", "number of pairs of matched episodes"),
+    _matched("only_first", "pairs in which only the first condition succeeded"),
+    _matched("only_second", "pairs in which only the second condition succeeded"),
+    Measure(
+        "design_power",
+        an_object(POWER),
+        "power of the design",
+        "power",
+        null="if a difference was found or the power is unknown",
+    ),
+).in_columns(
+    *("goals", "A k/n", "A SR %", "B k/n", "B SR %", "A - B", "95 % interval", "cells", "only A : only B"),
+    *("p", "test", "Holm p"),
 )
 """Measures of a `RateComparison`."""
 
@@ -217,40 +217,34 @@ def _mean(name: str, heading: str, meaning: str) -> tuple[Measure, Measure]:
 
 _BOOTSTRAP = "bootstrap of whole starting positions"
 EFFECT = Measures(
-    (
-        Measure("measure", TEXT, "name of the measure", heading="measure", note=""),
-        *_mean("first", "A", "mean of the first condition"),
-        *_mean("second", "B", "mean of the second condition"),
-        *_mean("difference", "A - B", "first mean minus the second"),
-        Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
-        Measure(
-            "",
-            CELL,
-            _BOOTSTRAP,
-            lambda effect: interval_cell(effect.interval, _places(effect.measure)),
-            heading="95 % interval",
-        ),
-    )
+    Measure("measure", TEXT, "name of the measure", heading="measure", note=""),
+    *_mean("first", "A", "mean of the first condition"),
+    *_mean("second", "B", "mean of the second condition"),
+    *_mean("difference", "A - B", "first mean minus the second"),
+    Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
+    Measure(
+        "",
+        CELL,
+        _BOOTSTRAP,
+        lambda effect: interval_cell(effect.interval, _places(effect.measure)),
+        heading="95 % interval",
+    ),
 )
 COMPARISON = Measures.shared(
     "comparison",
-    (
-        Measure("first", an_object(CONDITION), "first condition"),
-        Measure("second", an_object(CONDITION), "second condition"),
-        Measure("questions", COUNT, "number of p-values in the Holm correction", "asked"),
-        Measure("level", Form({"type": "number"}), "Bonferroni level: 0.05 divided by `questions`"),
-        Measure("rates", objects(RATE), "success rates, one object per scope"),
-        Measure(
-            "effects", objects(EFFECT), "differences in other measures on the shared goals, one object per measure"
-        ),
-        Measure(
-            "actions_compared",
-            FLAG,
-            "numbers of actions are comparable: both models answer with the same kinds of actions",
-            "compares_actions",
-        ),
-        Measure("verdicts", TEXTS, "conclusions, one sentence each", verdicts),
+    Measure("first", an_object(CONDITION), "first condition"),
+    Measure("second", an_object(CONDITION), "second condition"),
+    Measure("questions", COUNT, "number of p-values in the Holm correction", "asked"),
+    Measure("level", Form({"type": "number"}), "Bonferroni level: 0.05 divided by `questions`"),
+    Measure("rates", objects(RATE), "success rates, one object per scope"),
+    Measure("effects", objects(EFFECT), "differences in other measures on the shared goals, one object per measure"),
+    Measure(
+        "actions_compared",
+        FLAG,
+        "numbers of actions are comparable: both models answer with the same kinds of actions",
+        "compares_actions",
     ),
+    Measure("verdicts", TEXTS, "conclusions, one sentence each", verdicts),
 )
 
 

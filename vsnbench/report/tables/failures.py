@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vsnbench.report.analysis.activity import Rows
-from vsnbench.report.analysis.summary import Results
+from vsnbench.report.analysis.summary import ReportResults
 from vsnbench.report.measures import COUNT, COUNTS, FLAG, NUMBERS, TEXT, Form, Measure, Measures, objects, percents
 from vsnbench.report.table import ReportTable
 from vsnbench.report.tables.activity import MODEL
@@ -15,37 +15,31 @@ _NAMED = 5
 """Number of overruled verdicts named in a note."""
 _METRES = Form({"type": "number"})
 PLACES = Measures(
-    (
-        Measure("kind", TEXT, "cause of these failures"),
-        Measure("x_m", _METRES, "mean position in the site's frame: x"),
-        Measure("y_m", _METRES, "mean position in the site's frame: y"),
-        Measure("episodes", NUMBERS, "numbers of the failed episodes"),
-    )
+    Measure("kind", TEXT, "cause of these failures"),
+    Measure("x_m", _METRES, "mean position in the site's frame: x"),
+    Measure("y_m", _METRES, "mean position in the site's frame: y"),
+    Measure("episodes", NUMBERS, "numbers of the failed episodes"),
 )
 _NEVER = "examined failures in which the goal was never in view"
 _EXAMINED = "number of failed episodes whose cause was examined; at most 100"
 FAILURES = Measures(
-    (
-        Measure("failed", COUNT, "number of failed episodes"),
-        Measure("examined", COUNT, _EXAMINED),
-        Measure("kinds", COUNTS, "cause → number of examined failures"),
-        Measure("never_in_view", COUNT, _NEVER, null="if the poses are unknown"),
-        Measure("touched", COUNTS, "touched object → number of examined collisions"),
-        Measure("places", objects(PLACES), "places of failures, the most frequent first"),
-    )
+    Measure("failed", COUNT, "number of failed episodes"),
+    Measure("examined", COUNT, _EXAMINED),
+    Measure("kinds", COUNTS, "cause → number of examined failures"),
+    Measure("never_in_view", COUNT, _NEVER, null="if the poses are unknown"),
+    Measure("touched", COUNTS, "touched object → number of examined collisions"),
+    Measure("places", objects(PLACES), "places of failures, the most frequent first"),
 )
 """The JSON object of a condition's failures."""
 _KINDS = Measures(
-    (
-        MODEL,
-        Measure("kind", TEXT, heading="kind"),
-        Measure("episodes", COUNT, heading="episodes"),
-        Measure("share", percents(1), heading="% of examined"),
-    )
+    MODEL,
+    Measure("kind", TEXT, heading="kind"),
+    Measure("episodes", COUNT, heading="episodes"),
+    Measure("share", percents(1), heading="% of examined"),
 )
 
 
-def failure_table(results: Results, failures: Rows) -> ReportTable | None:
+def failure_table(results: ReportResults, failures: Rows) -> ReportTable | None:
     """Return the table of failure causes; None without failures."""
     names = {summary.condition.number: summary.condition.name for summary in results.conditions}
     rows, notes = [], []
@@ -68,13 +62,11 @@ def failure_table(results: Results, failures: Rows) -> ReportTable | None:
 
 _CHANGES = {True: "success", False: "failure", None: "void"}
 _OVERRULED = Measures(
-    (
-        Measure("episode", COUNT, "number of the episode"),
-        Measure("before", FLAG, "success according to the protocol", null="for void"),
-        Measure("after", FLAG, "success according to the operator", null="for void"),
-        Measure("author", TEXT, "name of the operator"),
-        Measure("reason", TEXT, "note of the operator, or the verdict in words"),
-    )
+    Measure("episode", COUNT, "number of the episode"),
+    Measure("before", FLAG, "success according to the protocol", null="for void"),
+    Measure("after", FLAG, "success according to the operator", null="for void"),
+    Measure("author", TEXT, "name of the operator"),
+    Measure("reason", TEXT, "note of the operator, or the verdict in words"),
 )
 
 
@@ -94,20 +86,18 @@ def _rate(judged: Mapping[str, Any]) -> float:
 
 _SHARE = "share of the judged episodes whose verdict the operator changed"
 JUDGEMENTS = Measures(
-    (
-        MODEL,
-        Measure(
-            "judged", COUNT, "number of episodes that an operator judged after the protocol", heading="judged", note=""
-        ),
-        Measure("", COUNT, of=lambda row: len(row["overruled"]), heading="overruled"),
-        Measure("overrule_rate", percents(1), _SHARE, _rate, null="", heading="%", note=""),
-        Measure("overruled", objects(_OVERRULED), "verdicts of the protocol that an operator changed"),
-        *map(_overruled, _CHANGES),
-    )
+    MODEL,
+    Measure(
+        "judged", COUNT, "number of episodes that an operator judged after the protocol", heading="judged", note=""
+    ),
+    Measure("", COUNT, of=lambda row: len(row["overruled"]), heading="overruled"),
+    Measure("overrule_rate", percents(1), _SHARE, _rate, null="", heading="%", note=""),
+    Measure("overruled", objects(_OVERRULED), "verdicts of the protocol that an operator changed"),
+    *map(_overruled, _CHANGES),
 )
 
 
-def judgement_table(results: Results, judgements: Rows) -> ReportTable | None:
+def judgement_table(results: ReportResults, judgements: Rows) -> ReportTable | None:
     """Return the table of verdicts that operators overruled; None if no operator judged."""
     names = {summary.condition.number: summary.condition.name for summary in results.conditions}
     rows = [{**judged, "model": names[judged["condition"]]} for judged in judgements]

@@ -10,9 +10,9 @@ from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailurePlace
-from vsnbench.report.analysis.summary import Results
+from vsnbench.report.analysis.summary import ReportResults
 from vsnbench.report.measures import COUNT, COUNTS, TEXT, Form, Measure, Measures, decimals
-from vsnbench.report.table import Cell, ReportTable, without_empty_columns
+from vsnbench.report.table import ReportTable, TableCell, without_empty_columns
 from vsnbench.report.tables.activity import MODEL
 from vsnbench.report.tables.success import SUMMARY
 from vsnbench.sites.site import Site
@@ -21,7 +21,7 @@ MAX_PLACES = 20
 """Places of failures per condition, on the map and in the table."""
 
 
-def progress_tables(record: ReportData, results: Results, activity: Activity) -> list[ReportTable]:
+def progress_tables(record: ReportData, results: ReportResults, activity: Activity) -> list[ReportTable]:
     """Return the table of all conditions, and one of the places of failures for each condition that has some."""
     measured = [_measures(results, activity.courses)] if activity.courses else []
     return [*measured, *_places(record, results, activity)]
@@ -46,31 +46,27 @@ _COVERED = "mean share of the shortest path to the goal that was covered, 0 to 1
 _MIN = "smallest distance from the base's edge to the map's solids, mean"
 _LOW = "5th percentile of that distance over the path, mean of the episodes"
 COURSES = Measures(
-    (
-        MODEL,
-        Measure("", decimals(3), _COVERED, "progress", heading="progress"),
-        Measure("examined", COUNT, "number of examined episodes"),
-        Measure("stages", COUNTS, "furthest stage → number of examined episodes"),
-        *(_stage(stage, note) for stage, note in _STAGES.items()),
-        Measure("mean_clearance_min_m", decimals(2), _MIN, heading="clearance (m)", rank=1),
-        Measure("mean_clearance_p5_m", decimals(2), _LOW, heading="5th pct. (m)", rank=2),
-        Measure(
-            "mean_heading_change_deg_per_m",
-            decimals(0),
-            "change of heading per metre driven; lower is smoother",
-            heading="turning (°/m)",
-            rank=1,
-        ),
-        Measure("", decimals(1), "mean duration on the robot's clock", "mean_driving_s", heading="driving (s)", rank=2),
-        Measure(
-            "", decimals(1), "mean inference time, on a real robot", "mean_thinking_s", heading="thinking (s)", rank=3
-        ),
-    )
+    MODEL,
+    Measure("", decimals(3), _COVERED, "progress", heading="progress"),
+    Measure("examined", COUNT, "number of examined episodes"),
+    Measure("stages", COUNTS, "furthest stage → number of examined episodes"),
+    *(_stage(stage, note) for stage, note in _STAGES.items()),
+    Measure("mean_clearance_min_m", decimals(2), _MIN, heading="clearance (m)", rank=1),
+    Measure("mean_clearance_p5_m", decimals(2), _LOW, heading="5th pct. (m)", rank=2),
+    Measure(
+        "mean_heading_change_deg_per_m",
+        decimals(0),
+        "change of heading per metre driven; lower is smoother",
+        heading="turning (°/m)",
+        rank=1,
+    ),
+    Measure("", decimals(1), "mean duration on the robot's clock", "mean_driving_s", heading="driving (s)", rank=2),
+    Measure("", decimals(1), "mean inference time, on a real robot", "mean_thinking_s", heading="thinking (s)", rank=3),
 )
 """Measures of a condition's courses."""
 
 
-def _measures(results: Results, courses: Rows) -> ReportTable:
+def _measures(results: ReportResults, courses: Rows) -> ReportTable:
     by_number = {summary.condition.number: summary for summary in results.conditions}
     rows, notes = [], []
     for course in courses:
@@ -90,22 +86,20 @@ def _measures(results: Results, courses: Rows) -> ReportTable:
     return without_empty_columns(COURSES.table("progress", title, rows, notes=tuple(notes), footnotes=names))
 
 
-_EPISODES = Form({}, lambda episodes: Cell(", ".join(map(str, episodes)), links=episodes), number=False)
+_EPISODES = Form({}, lambda episodes: TableCell(", ".join(map(str, episodes)), links=episodes), number=False)
 _PLACE = Measures(
-    (
-        Measure("", COUNT, "number on the map", lambda row: row[0], heading="place"),
-        Measure("", TEXT, of=lambda row: row[1].kind.value, heading="kind"),
-        Measure("", TEXT, of=lambda row: row[2], heading="room"),
-        Measure("", decimals(2), of=lambda row: row[1].x_m, heading="x (m)", rank=1),
-        Measure("", decimals(2), of=lambda row: row[1].y_m, heading="y (m)", rank=1),
-        Measure("", COUNT, of=lambda row: len(row[1].episodes), heading="failures"),
-        Measure("", _EPISODES, of=lambda row: row[1].episodes, heading="episodes"),
-    )
+    Measure("", COUNT, "number on the map", lambda row: row[0], heading="place"),
+    Measure("", TEXT, of=lambda row: row[1].kind.value, heading="kind"),
+    Measure("", TEXT, of=lambda row: row[2], heading="room"),
+    Measure("", decimals(2), of=lambda row: row[1].x_m, heading="x (m)", rank=1),
+    Measure("", decimals(2), of=lambda row: row[1].y_m, heading="y (m)", rank=1),
+    Measure("", COUNT, of=lambda row: len(row[1].episodes), heading="failures"),
+    Measure("", _EPISODES, of=lambda row: row[1].episodes, heading="episodes"),
 )
 """Measures of a place: its number, the place, and its room."""
 
 
-def _places(record: ReportData, results: Results, activity: Activity) -> Iterator[ReportTable]:
+def _places(record: ReportData, results: ReportResults, activity: Activity) -> Iterator[ReportTable]:
     by_number = {summary.condition.number: summary.condition for summary in results.conditions}
     for failures in activity.failures:
         if not (places := failures["places"]):

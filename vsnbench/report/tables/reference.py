@@ -3,7 +3,7 @@
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import empty_report_data, goal_order
 from vsnbench.report.analysis.published import PAPER_INTERVALS, published, published_results
-from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
 from vsnbench.report.comparison.compare import Comparison, compare, over_goals
 from vsnbench.report.table import (
     EMPTY,
@@ -53,7 +53,7 @@ def reference_comparison() -> tuple[Comparison, ...]:
     return compare(empty_report_data(), results, ["paper:vlv", "paper:pirlnav"], published=results)
 
 
-def paper_comparison_table(results: Results) -> ReportTable:
+def paper_comparison_table(results: ReportResults) -> ReportTable:
     """Return success rates by goal next to the paper's, with the difference for the paper's models."""
     paper = published_results()
     everyone = [*results.conditions, *paper.conditions]
@@ -89,7 +89,7 @@ def paper_comparison_table(results: Results) -> ReportTable:
     )
 
 
-def _goal_row(goal: str, condition_summary: ConditionSummary, mine: Group, paper: Results) -> Row:
+def _goal_row(goal: str, condition_summary: ConditionSummary, mine: Group, paper: ReportResults) -> Row:
     theirs = None
     if not condition_summary.condition.published and (other := _of_paper(condition_summary, paper)):
         theirs = next((group for group in other.goals if group.goal == goal), None)
@@ -118,7 +118,7 @@ def _row(goal: str, condition_summary: ConditionSummary, mine: Group, theirs: Gr
     )
 
 
-def _on_shared_goals(results: Results, paper: Results) -> list[Row]:
+def _on_shared_goals(results: ReportResults, paper: ReportResults) -> list[Row]:
     """Return the sums over the shared goals, if a model and its published result have different goals."""
     rows = []
     for summary in results.conditions:
@@ -132,7 +132,7 @@ def _on_shared_goals(results: Results, paper: Results) -> list[Row]:
     return rows
 
 
-def _of_paper(summary: ConditionSummary, paper: Results) -> ConditionSummary | None:
+def _of_paper(summary: ConditionSummary, paper: ReportResults) -> ConditionSummary | None:
     model = summary.condition.model.lower()
     return next((other for other in paper.conditions if other.condition.model == model), None)
 
@@ -141,7 +141,7 @@ def _goals(summary: ConditionSummary) -> list[str]:
     return sorted(summary.own_goals, key=goal_order)
 
 
-def _real_against_virtual(results: Results) -> ReportTable:
+def _real_against_virtual(results: ReportResults) -> ReportTable:
     return ReportTable(
         name="paper-table-3",
         title="Paper, Table 3: real world against simulation",

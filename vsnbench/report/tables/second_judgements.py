@@ -5,7 +5,7 @@ from typing import Any
 
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.measures import CELL, COUNT, TEXT, Measure, Measures, decimals, intervals, objects, percents
-from vsnbench.report.table import Cell, ReportTable
+from vsnbench.report.table import ReportTable, TableCell
 from vsnbench.results.second_judgements import Outcome
 
 
@@ -30,49 +30,43 @@ def _outcomes(rater: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 _OUTCOMES = Measures(
-    (
-        Measure("first", TEXT, "outcome of the verdict"),
-        Measure("second", TEXT, "outcome of the second rater"),
-        Measure("episodes", COUNT, "number of episodes"),
-    )
+    Measure("first", TEXT, "outcome of the verdict"),
+    Measure("second", TEXT, "outcome of the second rater"),
+    Measure("episodes", COUNT, "number of episodes"),
 )
 DIFFERING = Measures(
-    (
-        Measure(
-            "", CELL, of=lambda row: Cell(str(row["episode"]), row["episode"], (row["episode"],)), heading="episode"
-        ),
-        Measure("", TEXT, of="rater", heading="rater"),
-        Measure("episode", COUNT, "number of the episode"),
-        Measure("goal", TEXT, "goal of the episode", heading="goal", note="", rank=2),
-        Measure("start", COUNT, "number of the starting position", heading="start", note="", rank=3),
-        Measure("first", TEXT, "outcome of the verdict", heading="verdict", note=""),
-        Measure("second", TEXT, "outcome of the second rater", heading="second", note=""),
-        Measure("text", TEXT, "answer of the second rater in words", heading="rater's answer", note="", rank=1),
-    )
+    Measure(
+        "", CELL, of=lambda row: TableCell(str(row["episode"]), row["episode"], (row["episode"],)), heading="episode"
+    ),
+    Measure("", TEXT, of="rater", heading="rater"),
+    Measure("episode", COUNT, "number of the episode"),
+    Measure("goal", TEXT, "goal of the episode", heading="goal", note="", rank=2),
+    Measure("start", COUNT, "number of the starting position", heading="start", note="", rank=3),
+    Measure("first", TEXT, "outcome of the verdict", heading="verdict", note=""),
+    Measure("second", TEXT, "outcome of the second rater", heading="second", note=""),
+    Measure("text", TEXT, "answer of the second rater in words", heading="rater's answer", note="", rank=1),
 )
 _TWICE = "episodes with a verdict and this rater's answer"
 _SAME = "share of the episodes with the same outcome: success, failure or void"
 _KAPPA, _OF_KAPPA = "Cohen's kappa: agreement beyond chance", "of kappa, from resampled starting positions"
 RATERS = Measures(
-    (
-        Measure("rater", TEXT, "name of the second rater", heading="rater", note=""),
-        Measure("episodes", COUNT, _TWICE, lambda rater: rater["agreement"].items, heading="judged twice"),
-        Measure("same", percents(1), _SAME, lambda rater: rater["agreement"].same, heading="agreement %"),
-        Measure("kappa", decimals(2), _KAPPA, lambda rater: rater["agreement"].kappa, heading="kappa"),
-        Measure(
-            "ci",
-            intervals(2, 1),
-            "the 95 % interval of kappa",
-            lambda rater: rater["agreement"].interval,
-            heading="95 % interval",
-            note=_OF_KAPPA,
-            rank=1,
-        ),
-        _only_success(0),
-        _only_success(1),
-        Measure("outcomes", objects(_OUTCOMES), "one object per pair of outcomes", _outcomes),
-        Measure("differing", objects(DIFFERING), "episodes with different outcomes"),
-    )
+    Measure("rater", TEXT, "name of the second rater", heading="rater", note=""),
+    Measure("episodes", COUNT, _TWICE, lambda rater: rater["agreement"].items, heading="judged twice"),
+    Measure("same", percents(1), _SAME, lambda rater: rater["agreement"].same, heading="agreement %"),
+    Measure("kappa", decimals(2), _KAPPA, lambda rater: rater["agreement"].kappa, heading="kappa"),
+    Measure(
+        "ci",
+        intervals(2, 1),
+        "the 95 % interval of kappa",
+        lambda rater: rater["agreement"].interval,
+        heading="95 % interval",
+        note=_OF_KAPPA,
+        rank=1,
+    ),
+    _only_success(0),
+    _only_success(1),
+    Measure("outcomes", objects(_OUTCOMES), "one object per pair of outcomes", _outcomes),
+    Measure("differing", objects(DIFFERING), "episodes with different outcomes"),
 )
 
 

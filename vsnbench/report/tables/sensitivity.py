@@ -13,7 +13,7 @@ from vsnbench.report.analysis.sensitivity import (
     sensitivity,
     spread_between,
 )
-from vsnbench.report.analysis.summary import ConditionSummary, Results
+from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import (
     COUNT,
     FLAG,
@@ -26,42 +26,36 @@ from vsnbench.report.measures import (
     objects,
     rates,
 )
-from vsnbench.report.table import EMPTY, Cell, Column, ReportTable, of, row
+from vsnbench.report.table import EMPTY, Column, ReportTable, TableCell, of, row
 from vsnbench.report.wording import compared
 
 RECOUNT = Measures.shared(
     "recount",
-    (
-        Measure("counted", TEXT, "rule or part of the episodes", "label"),
-        *rates("proportion", "interval"),
-        Measure(
-            "bound",
-            FLAG,
-            "missing trials are counted as all failed or all succeeded",
-            lambda recount: bool(recount.bound),
-        ),
+    Measure("counted", TEXT, "rule or part of the episodes", "label"),
+    *rates("proportion", "interval"),
+    Measure(
+        "bound",
+        FLAG,
+        "missing trials are counted as all failed or all succeeded",
+        lambda recount: bool(recount.bound),
     ),
 )
 _LATER = "share of pairs of a success and a failure in which the success is later; 0.5 without a trend"
 DRIFT = Measures.shared(
     "drift",
-    (
-        Measure("p", NUMBER, "p-value of no trend", "trend.p"),
-        Measure("least_p", NUMBER, "smallest p-value that the design can give", "trend.least_p"),
-        Measure("exact", FLAG, "the p-value is exact", "trend.exact"),
-        Measure("success_later", NUMBER, _LATER, "trend.later", null="without pairs"),
-        Measure("difference", NUMBER, "success rate of the last third minus that of the first"),
-        Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
-        Measure("thirds", objects(RECOUNT), "recounts of the first, second and last third"),
-    ),
+    Measure("p", NUMBER, "p-value of no trend", "trend.p"),
+    Measure("least_p", NUMBER, "smallest p-value that the design can give", "trend.least_p"),
+    Measure("exact", FLAG, "the p-value is exact", "trend.exact"),
+    Measure("success_later", NUMBER, _LATER, "trend.later", null="without pairs"),
+    Measure("difference", NUMBER, "success rate of the last third minus that of the first"),
+    Measure("ci", intervals(), "the 95 % interval of the difference", "interval"),
+    Measure("thirds", objects(RECOUNT), "recounts of the first, second and last third"),
 )
 _CELLS = Measures(
-    (
-        Measure("goal", TEXT, "goal of the cell", lambda cell: cell[0][0]),
-        Measure("start", COUNT, "number of the starting position", lambda cell: cell[0][1]),
-        Measure("successes", COUNT, "successes in the cell", lambda cell: cell[1].successes),
-        Measure("episodes", COUNT, "counted episodes in the cell", lambda cell: cell[1].trials),
-    )
+    Measure("goal", TEXT, "goal of the cell", lambda cell: cell[0][0]),
+    Measure("start", COUNT, "number of the starting position", lambda cell: cell[0][1]),
+    Measure("successes", COUNT, "successes in the cell", lambda cell: cell[1].successes),
+    Measure("episodes", COUNT, "counted episodes in the cell", lambda cell: cell[1].trials),
 )
 _Part = tuple[ReportData, ConditionSummary]
 
@@ -75,43 +69,41 @@ def _has_sessions(part: _Part) -> bool:
 _WITHIN = "in simulation without sessions, and with fewer than 12 episodes"
 _OVER_ALL = "in simulation without sessions, or with one session"
 SENSITIVITY = Measures(
-    (
-        Measure("recounts", objects(RECOUNT), "as judged, and under other rules", lambda part: sensitivity(*part)),
-        Measure(
-            "by_shortest_path",
-            objects(RECOUNT),
-            "by length of the shortest path to the goal",
-            lambda part: by_distance(*part),
-        ),
-        Measure("by_seed", objects(RECOUNT), "one recount per seed; empty with one seed", lambda part: by_seed(*part)),
-        Measure(
-            "standard_deviation_between_seeds",
-            NUMBER,
-            "standard deviation of the seeds' success rates",
-            lambda part: spread_between(by_seed(*part)),
-            null="with one seed",
-        ),
-        Measure(
-            "drift",
-            an_object(DRIFT),
-            "change of success within sessions",
-            lambda part: drift(*part) if _has_sessions(part) else None,
-            null=_WITHIN,
-        ),
-        Measure(
-            "drift_over_all_sessions",
-            an_object(DRIFT),
-            "change of success over all sessions",
-            lambda part: drift(*part, whole=True) if _has_sessions(part) else None,
-            null=_OVER_ALL,
-        ),
-        Measure("cells", objects(_CELLS), "counts, one object per cell", lambda part: grid(part[1]).cells.items()),
-    )
+    Measure("recounts", objects(RECOUNT), "as judged, and under other rules", lambda part: sensitivity(*part)),
+    Measure(
+        "by_shortest_path",
+        objects(RECOUNT),
+        "by length of the shortest path to the goal",
+        lambda part: by_distance(*part),
+    ),
+    Measure("by_seed", objects(RECOUNT), "one recount per seed; empty with one seed", lambda part: by_seed(*part)),
+    Measure(
+        "standard_deviation_between_seeds",
+        NUMBER,
+        "standard deviation of the seeds' success rates",
+        lambda part: spread_between(by_seed(*part)),
+        null="with one seed",
+    ),
+    Measure(
+        "drift",
+        an_object(DRIFT),
+        "change of success within sessions",
+        lambda part: drift(*part) if _has_sessions(part) else None,
+        null=_WITHIN,
+    ),
+    Measure(
+        "drift_over_all_sessions",
+        an_object(DRIFT),
+        "change of success over all sessions",
+        lambda part: drift(*part, whole=True) if _has_sessions(part) else None,
+        null=_OVER_ALL,
+    ),
+    Measure("cells", objects(_CELLS), "counts, one object per cell", lambda part: grid(part[1]).cells.items()),
 )
 """The JSON object of a condition's sensitivity analyses, from the record and the condition's summary."""
 
 
-def sensitivity_tables(record: ReportData, results: Results) -> list[ReportTable]:
+def sensitivity_tables(record: ReportData, results: ReportResults) -> list[ReportTable]:
     """Return every sensitivity table that the record supports."""
     tables = [
         _groups(
@@ -143,7 +135,7 @@ def _groups(
         title=title,
         columns=(Column("model", number=False), Column(heading, number=False), *RECOUNT.columns),
         rows=tuple(
-            RECOUNT.row(recount, Cell(summary.condition.name), Cell(recount.label))
+            RECOUNT.row(recount, TableCell(summary.condition.name), TableCell(recount.label))
             for summary, groups in members
             for recount in groups
         ),
@@ -151,7 +143,7 @@ def _groups(
     )
 
 
-def _seeds(record: ReportData, results: Results) -> ReportTable:
+def _seeds(record: ReportData, results: ReportResults) -> ReportTable:
     groups = [(summary, by_seed(record, summary)) for summary in results.conditions]
     spreads = [
         f"{summary.condition.name}: the seeds' rates have a standard deviation of "
@@ -162,7 +154,7 @@ def _seeds(record: ReportData, results: Results) -> ReportTable:
     return _groups("seeds", "Success by seed", "seed", groups, *spreads)
 
 
-def drift_table(record: ReportData, results: Results) -> ReportTable:
+def drift_table(record: ReportData, results: ReportResults) -> ReportTable:
     """Return the drift over sessions; only for real robots and rehearsals, because simulations do not drift."""
     with_sessions = set(record.episodes.loc[record.episodes["session"] > 0, "condition"])
     asked = [

@@ -28,66 +28,49 @@ from vsnbench.statistics.bootstrap import MIN_CLUSTERS
 _POINTS = decimals(1, 100)
 _SAME = "probability that a real and a simulated episode agree"
 AGREEMENT = Measures(
-    (
-        Measure(
-            "bias",
-            _POINTS,
-            "simulated success rate minus the real one, mean over the cells",
-            heading="bias",
-            note="simulated success rate minus the real one, points",
-        ),
-        Measure(
-            "error",
-            _POINTS,
-            "root mean square difference of the cells' rates",
-            heading="error",
-            note="root mean square difference of the rates of a cell, points",
-        ),
-        Measure("same", percents(1), _SAME, heading="same outcome %", rank=1),
-        Measure("kappa", decimals(2), "Cohen's kappa: agreement beyond chance", heading="kappa", rank=2),
-    )
+    Measure(
+        "bias",
+        _POINTS,
+        "simulated success rate minus the real one, mean over the cells",
+        heading="bias",
+        note="simulated success rate minus the real one, points",
+    ),
+    Measure(
+        "error",
+        _POINTS,
+        "root mean square difference of the cells' rates",
+        heading="error",
+        note="root mean square difference of the rates of a cell, points",
+    ),
+    Measure("same", percents(1), _SAME, heading="same outcome %", rank=1),
+    Measure("kappa", decimals(2), "Cohen's kappa: agreement beyond chance", heading="kappa", rank=2),
 )
 _JACKKNIFE = f"jackknife over starting positions, unknown for fewer than {MIN_CLUSTERS}"
 RANKS = Measures(
-    (
-        Measure("rho", decimals(2), "Spearman's rank correlation over the cells", heading="rank corr."),
-        Measure(
-            "ci",
-            intervals(2, 1),
-            "the 95 % interval of rho",
-            "interval",
-            heading="95 % interval",
-            note=_JACKKNIFE,
-            rank=3,
-        ),
-    )
+    Measure("rho", decimals(2), "Spearman's rank correlation over the cells", heading="rank corr."),
+    Measure(
+        "ci",
+        intervals(2, 1),
+        "the 95 % interval of rho",
+        "interval",
+        heading="95 % interval",
+        note=_JACKKNIFE,
+        rank=3,
+    ),
 )
 _PLAIN, _WITH = "mean over the cells with real trials", "prediction-powered success rate over all simulated cells"
 _TUNING, _SAVED = "weight of the simulated results, 0 to 1", "additional real cells that would give the same precision"
+_CI, _ONE_PLACE = "95 % interval", Form({"type": "number"}, lambda cells: decimal(cells, 1))
+_TWO_PLACES = Form({"type": "number"}, lambda tuning: decimal(tuning, 2))
 POWERED = Measures(
-    (
-        Measure("plain_success_rate", percents(), _PLAIN, "plain_rate", heading="real SR %", rank=1),
-        Measure(
-            "plain_ci", intervals(), "its 95 % interval", "plain_interval", heading="95 % interval", note="", rank=1
-        ),
-        Measure("success_rate", percents(), _WITH, "rate", heading="PPI++ SR %", rank=1),
-        Measure(
-            "ci", intervals(), "the 95 % interval of this rate", "interval", heading="95 % interval", note="", rank=1
-        ),
-        Measure(
-            "tuning", Form({"type": "number"}, lambda tuning: decimal(tuning, 2)), _TUNING, heading="tuning", rank=3
-        ),
-        Measure("cells", COUNT, "number of cells with real trials"),
-        Measure(
-            "cells_saved",
-            Form({"type": "number"}, lambda cells: decimal(cells, 1)),
-            _SAVED,
-            "saved",
-            heading="cells saved",
-            rank=1,
-        ),
-    )
-)
+    Measure("success_rate", percents(), _WITH, "rate", heading="PPI++ SR %", rank=1),
+    Measure("ci", intervals(), "the 95 % interval of this rate", "interval", heading=_CI, note="", rank=1),
+    Measure("plain_success_rate", percents(), _PLAIN, "plain_rate", heading="real SR %", rank=1),
+    Measure("plain_ci", intervals(), "its 95 % interval", "plain_interval", heading=_CI, note="", rank=1),
+    Measure("tuning", _TWO_PLACES, _TUNING, heading="tuning", rank=3),
+    Measure("cells", COUNT, "number of cells with real trials"),
+    Measure("cells_saved", _ONE_PLACE, _SAVED, "saved", heading="cells saved", rank=1),
+).in_columns("real SR %", "plain_ci", "PPI++ SR %", "ci", "tuning", "cells saved")
 _ESTIMATE = "real success rate estimated with the help of simulation"
 
 
@@ -127,33 +110,31 @@ _NEWCOMBE = "Newcombe's interval of the difference, paired for shared cells"
 _POINTS_NOTE = "difference in success rate, points; for shared cells the mean over them"
 SIM_VS_REAL = Measures.shared(
     "sim_vs_real",
-    (
-        Measure("", TEXT, of="real.model", heading="model"),
-        Measure("", TEXT, of=lambda pair: listed(pair.goals), heading="goals", rank=4),
-        Measure("real", TEXT, "name of the real condition", "real.name", heading="real", note="", rank=3),
-        *_rates("first", "real"),
-        Measure(
-            "simulated", TEXT, "name of the simulated condition", "simulated.name", heading="simulated", note="", rank=3
-        ),
-        *_rates("second", "simulated"),
-        Measure("goals", TEXTS, "goals with real and simulated trials"),
-        Measure("difference", decimals(2, 100), _DIFFERENCE, heading="real - sim.", note=_POINTS_NOTE),
-        Measure(
-            "ci",
-            intervals(),
-            "the 95 % interval of the difference",
-            "interval",
-            heading="95 % interval",
-            note=_NEWCOMBE,
-        ),
-        Measure("shared_cells", COUNT, "number of cells that both conditions have", _cells),
-        Measure("", COUNT, of=lambda pair: _cells(pair) or None, heading="shared cells", rank=2),
-        Measure("agreement", an_object(AGREEMENT), "agreement of the shared cells", null="without any"),
-        Measure(
-            "rank_correlation", an_object(RANKS), "correlation of the shared cells' rates", "ranks", null="without any"
-        ),
-        Measure("prediction_powered", an_object(POWERED), _ESTIMATE, "powered", null="if the simulation adds nothing"),
+    Measure("real", TEXT, "name of the real condition", "real.name"),
+    Measure("simulated", TEXT, "name of the simulated condition", "simulated.name"),
+    Measure("goals", TEXTS, "goals with real and simulated trials"),
+    Measure("", TEXT, of="real.model", heading="model"),
+    Measure("", TEXT, of=lambda pair: listed(pair.goals), heading="goals", rank=4),
+    Measure("", TEXT, of="real.name", heading="real", rank=3),
+    *_rates("first", "real"),
+    Measure("", TEXT, of="simulated.name", heading="simulated", rank=3),
+    *_rates("second", "simulated"),
+    Measure("difference", decimals(2, 100), _DIFFERENCE, heading="real - sim.", note=_POINTS_NOTE),
+    Measure(
+        "ci",
+        intervals(),
+        "the 95 % interval of the difference",
+        "interval",
+        heading="95 % interval",
+        note=_NEWCOMBE,
     ),
+    Measure("shared_cells", COUNT, "number of cells that both conditions have", _cells),
+    Measure("", COUNT, of=lambda pair: _cells(pair) or None, heading="shared cells", rank=2),
+    Measure("agreement", an_object(AGREEMENT), "agreement of the shared cells", null="without any"),
+    Measure(
+        "rank_correlation", an_object(RANKS), "correlation of the shared cells' rates", "ranks", null="without any"
+    ),
+    Measure("prediction_powered", an_object(POWERED), _ESTIMATE, "powered", null="if the simulation adds nothing"),
 )
 
 

@@ -21,30 +21,26 @@ from vsnbench.report.measures import (
     objects,
     percents,
 )
-from vsnbench.report.table import EMPTY, Cell, ReportTable, of, percent, row, without_empty_columns
+from vsnbench.report.table import EMPTY, ReportTable, TableCell, of, percent, row, without_empty_columns
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.success import GROUP
 from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.statistics.rates import Proportion
 
-_SEVERITY = Form({"type": "integer"}, lambda severity: Cell(str(severity), severity), number=False)
+_SEVERITY = Form({"type": "integer"}, lambda severity: TableCell(str(severity), severity), number=False)
 _PLAIN = Form({"type": "number"})
 _LOST = Measures(
-    (
-        Measure("goal", TEXT, "goal of the trial"),
-        Measure("start", COUNT, "number of the starting position"),
-        Measure("undisturbed", COUNT, "number of the undisturbed episode"),
-        Measure("disturbed", COUNT, "number of the disturbed episode"),
-    )
+    Measure("goal", TEXT, "goal of the trial"),
+    Measure("start", COUNT, "number of the starting position"),
+    Measure("undisturbed", COUNT, "number of the undisturbed episode"),
+    Measure("disturbed", COUNT, "number of the disturbed episode"),
 )
 _EFFECT = Measures(
-    (
-        Measure("measure", TEXT, "`SPL` or `progress`"),
-        Measure("undisturbed", NUMBER, "mean without the disturbance", "first"),
-        Measure("disturbed", NUMBER, "mean with the disturbance", "second"),
-        Measure("loss", NUMBER, "undisturbed minus disturbed mean", "difference"),
-        Measure("ci", intervals(), "the 95 % interval of the loss", "interval"),
-    )
+    Measure("measure", TEXT, "`SPL` or `progress`"),
+    Measure("undisturbed", NUMBER, "mean without the disturbance", "first"),
+    Measure("disturbed", NUMBER, "mean with the disturbance", "second"),
+    Measure("loss", NUMBER, "undisturbed minus disturbed mean", "difference"),
+    Measure("ci", intervals(), "the 95 % interval of the loss", "interval"),
 )
 
 
@@ -76,85 +72,79 @@ _CHANGED, _CHANGED_NOTE = (
 def _losses(measures: Sequence[str] = ()) -> Measures:
     """Return the measures of a `Loss`, with the losses in some other quantities as columns."""
     return Measures(
-        (
-            Measure("disturbance", TEXT, "name of the disturbance", "disturbance.name", heading="disturbance", note=""),
-            Measure("severity", _SEVERITY, "severity, from 1", "disturbance.severity", heading="severity", note=""),
-            Measure(
-                "",
-                TEXT,
-                of=lambda loss: f"{loss.disturbance.value:g} {loss.disturbance.kind.unit}",
-                heading="value",
-                rank=1,
-            ),
-            Measure("value", _PLAIN, _VALUE, "disturbance.value"),
-            Measure("unit", TEXT, "unit of `value`", "disturbance.kind.unit"),
-            Measure("campaigns", NUMBERS, "numbers of the pooled disturbed campaigns"),
-            Measure(
-                "successes",
-                COUNT,
-                "successes with the disturbance, in the compared cells",
-                lambda loss: _disturbed(loss).successes,
-            ),
-            Measure("episodes", COUNT, "compared episodes with the disturbance", lambda loss: _disturbed(loss).trials),
-            Measure("", RATIO, of=lambda loss: (_disturbed(loss).successes, _disturbed(loss).trials), heading="k/n"),
-            Measure(
-                "success_rate",
-                percents(1),
-                "share of successes with the disturbance",
-                lambda loss: _disturbed(loss).rate,
-                null="without episodes",
-                heading="SR %",
-                note="",
-                rank=2,
-            ),
-            Measure(
-                "loss", decimals(1, 100), _LOSS, "rate.difference", null="without any", heading="loss", note=_LOSS_NOTE
-            ),
-            Measure(
-                "ci",
-                intervals(1),
-                "the 95 % interval of the loss",
-                "rate.interval",
-                heading="95 % interval",
-                note=_INTERVAL_NOTE,
-            ),
-            Measure("p", NUMBER, "p-value before correction", "rate.p"),
-            Measure(
-                "adjusted_p",
-                P,
-                _HOLM,
-                "rate.adjusted_p",
-                heading="Holm p",
-                note="two-sided, corrected for all rows of the table",
-            ),
-            Measure("conclusion", TEXT, _CONCLUSION, "rate.conclusion"),
-            Measure("effects", objects(_EFFECT), "losses in other measures, one object each"),
-            *map(_effect_loss, measures),
-            Measure("changed", COUNT, _CHANGED),
-            Measure("matched", COUNT, "number of trials with a result under both conditions"),
-            Measure("", RATIO, _CHANGED_NOTE, lambda loss: (loss.changed, loss.matched), heading="changed", rank=3),
-            Measure("lost", objects(_LOST), "trials that succeeded undisturbed and failed disturbed"),
-        )
+        Measure("disturbance", TEXT, "name of the disturbance", "disturbance.name", heading="disturbance", note=""),
+        Measure("severity", _SEVERITY, "severity, from 1", "disturbance.severity", heading="severity", note=""),
+        Measure(
+            "",
+            TEXT,
+            of=lambda loss: f"{loss.disturbance.value:g} {loss.disturbance.kind.unit}",
+            heading="value",
+            rank=1,
+        ),
+        Measure("value", _PLAIN, _VALUE, "disturbance.value"),
+        Measure("unit", TEXT, "unit of `value`", "disturbance.kind.unit"),
+        Measure("campaigns", NUMBERS, "numbers of the pooled disturbed campaigns"),
+        Measure(
+            "successes",
+            COUNT,
+            "successes with the disturbance, in the compared cells",
+            lambda loss: _disturbed(loss).successes,
+        ),
+        Measure("episodes", COUNT, "compared episodes with the disturbance", lambda loss: _disturbed(loss).trials),
+        Measure("", RATIO, of=lambda loss: (_disturbed(loss).successes, _disturbed(loss).trials), heading="k/n"),
+        Measure(
+            "success_rate",
+            percents(1),
+            "share of successes with the disturbance",
+            lambda loss: _disturbed(loss).rate,
+            null="without episodes",
+            heading="SR %",
+            note="",
+            rank=2,
+        ),
+        Measure(
+            "loss", decimals(1, 100), _LOSS, "rate.difference", null="without any", heading="loss", note=_LOSS_NOTE
+        ),
+        Measure(
+            "ci",
+            intervals(1),
+            "the 95 % interval of the loss",
+            "rate.interval",
+            heading="95 % interval",
+            note=_INTERVAL_NOTE,
+        ),
+        Measure("p", NUMBER, "p-value before correction", "rate.p"),
+        Measure(
+            "adjusted_p",
+            P,
+            _HOLM,
+            "rate.adjusted_p",
+            heading="Holm p",
+            note="two-sided, corrected for all rows of the table",
+        ),
+        Measure("conclusion", TEXT, _CONCLUSION, "rate.conclusion"),
+        Measure("effects", objects(_EFFECT), "losses in other measures, one object each"),
+        *map(_effect_loss, measures),
+        Measure("changed", COUNT, _CHANGED),
+        Measure("matched", COUNT, "number of trials with a result under both conditions"),
+        Measure("", RATIO, _CHANGED_NOTE, lambda loss: (loss.changed, loss.matched), heading="changed", rank=3),
+        Measure("lost", objects(_LOST), "trials that succeeded undisturbed and failed disturbed"),
     )
 
 
 _HARM = Measures(
-    (
-        Measure("disturbance", TEXT, "name of the disturbance", "name"),
-        Measure("mean_loss", _PLAIN, "mean loss of success rate over its severities"),
-        Measure("examples", objects(_LOST), "at most three lost trials"),
-    )
+    Measure("disturbance", TEXT, "name of the disturbance", "name"),
+    Measure("mean_loss", _PLAIN, "mean loss of success rate over its severities"),
+    Measure("examples", objects(_LOST), "at most three lost trials"),
 )
 _UNSEEN = "disturbances that were left out because the model does not use what they change"
 STRESSED = Measures(
-    (
-        *CONDITION.within("undisturbed.condition"),
-        Measure("campaigns", NUMBERS, "numbers of the pooled undisturbed campaigns", "undisturbed.condition.campaigns"),
-        Measure("undisturbed", an_object(GROUP), "summary of the trials without disturbances", "undisturbed.total"),
-        Measure("unseen", TEXTS, _UNSEEN),
-        Measure("disturbances", objects(_losses()), "one object per disturbance and severity", "losses"),
-        Measure("most_harmful", objects(_HARM), "disturbances with the largest mean losses, at most three"),
-    )
+    *CONDITION.within("undisturbed.condition"),
+    Measure("campaigns", NUMBERS, "numbers of the pooled undisturbed campaigns", "undisturbed.condition.campaigns"),
+    Measure("undisturbed", an_object(GROUP), "summary of the trials without disturbances", "undisturbed.total"),
+    Measure("unseen", TEXTS, _UNSEEN),
+    Measure("disturbances", objects(_losses()), "one object per disturbance and severity", "losses"),
+    Measure("most_harmful", objects(_HARM), "disturbances with the largest mean losses, at most three"),
 )
 """The JSON object of a `StressedModel`: rates from 0 to 1."""
 

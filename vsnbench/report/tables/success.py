@@ -11,7 +11,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Group, Results
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
 from vsnbench.report.measures import (
     COUNT,
     KNOWN_COUNT,
@@ -25,7 +25,7 @@ from vsnbench.report.measures import (
     intervals,
     percents,
 )
-from vsnbench.report.table import EMPTY, Cell, Column, ReportTable, goal_distance, interval_percent, percent, row
+from vsnbench.report.table import EMPTY, Column, ReportTable, TableCell, goal_distance, interval_percent, percent, row
 from vsnbench.report.tables.headline import headlines
 from vsnbench.report.wording import listed
 from vsnbench.results.reading.read_model import UNJUDGED, VOID
@@ -103,98 +103,92 @@ _K_OF_N, _DONE = "successful episodes of counted episodes, one per trial", "comp
 _MEAN_ACTIONS = "mean number of actions over all counted episodes, as in the paper"
 _LIMIT = "episodes that reached a limit on actions, time or path"
 SUMMARY = Measures(
-    (
-        Measure("successes", COUNT, "number of successes"),
-        Measure("episodes", COUNT, "number of counted episodes, one per trial"),
-        Measure("planned", COUNT, "number of planned trials"),
-        Measure("coverage", NUMBER, "counted episodes divided by planned trials", null="without planned trials"),
-        Measure("void", KNOWN_COUNT, "number of void episodes, which do not count", _attempts(VOID)),
-        Measure("unjudged", COUNT, "episodes that await a verdict", lambda group: _attempts(UNJUDGED)(group) or 0),
-        Measure("", RATIO, _K_OF_N, lambda group: (group.successes, group.episodes), heading="k/n"),
-        Measure("success_rate", percents(), "success rate (paper, Section 4.1)", heading="SR %"),
-        Measure("ci", intervals(), _OF_RATE, "interval", heading="95 % interval", note=_WILSON),
-        Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
-        Measure(
-            *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
-            *(_mean_of("actions", _successful),),
-            heading="actions (succ.)",
-            rank=1,
-        ),
-        Measure(
-            "spl",
-            decimals(3),
-            "success weighted by path length, 0 to 1",
-            _mean_of("spl", _weighted),
-            heading="SPL",
-            rank=1,
-        ),
-        Measure(
-            "soft_spl",
-            decimals(3),
-            "SPL with progress instead of success, 0 to 1",
-            _mean_of("soft_spl"),
-            heading="SoftSPL",
-            rank=4,
-        ),
-        Measure("spl_episodes", COUNT, "number of episodes in `spl`", _number_of("spl", _weighted)),
-        Measure("soft_spl_episodes", COUNT, "number of episodes in `soft_spl`", _number_of("soft_spl")),
-        Measure("progress", decimals(3), "mean covered share of the shortest path, 0 to 1", _mean_of("progress")),
-        Measure("progress_episodes", COUNT, "number of episodes in `progress`", _number_of("progress")),
-        Measure(
-            "sct",
-            decimals(3),
-            "success weighted by completion time, 0 to 1",
-            _mean_of("sct", _weighted),
-            heading="SCT",
-            rank=4,
-        ),
-        Measure("sct_episodes", COUNT, "number of episodes in `sct`", _number_of("sct", _weighted)),
-        Measure("mean_driving_s", decimals(1), "mean duration on the robot's clock", _mean_of("duration_s")),
-        Measure("mean_thinking_s", decimals(1), "mean inference time, on a real robot", _mean_of("thinking_s")),
-        Measure("median_distance_to_goal_m", NUMBER, "median distance to the goal at the end", _median_distance_m),
-        Measure(
-            *("", Form({}, lambda at: goal_distance(*at))),
-            "median final distance to the nearest instance's footprint, metres",
-            lambda group: (_median_distance_m(group), group.success_distance_m),
-            heading="median d (m)",
-            rank=3,
-        ),
-        Measure(
-            "collisions",
-            KNOWN_COUNT,
-            "episodes that ended with a collision",
-            _ended(EndReason.COLLISION),
-            heading="coll.",
-            rank=3,
-        ),
-        *(
-            Measure(f"{reason}s", KNOWN_COUNT, f"episodes that ended at the limit of {of}", _ended(reason))
-            for reason, of in _LIMITS.items()
-        ),
-        Measure("", COUNT, _LIMIT, _ended(*_LIMITS), heading="limit", rank=3),
-        Measure("trivial", KNOWN_COUNT, "episodes that began within one move of success", _trivial),
-        Measure(
-            "cells", COUNT, "number of cells (goal and starting position)", lambda group: len(group.outcomes.cells)
-        ),
-        Measure("", RATIO, _DONE, lambda group: (group.episodes, group.planned), heading="done"),
-        Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
-    )
+    Measure("successes", COUNT, "number of successes"),
+    Measure("episodes", COUNT, "number of counted episodes, one per trial"),
+    Measure("planned", COUNT, "number of planned trials"),
+    Measure("coverage", NUMBER, "counted episodes divided by planned trials", null="without planned trials"),
+    Measure("void", KNOWN_COUNT, "number of void episodes, which do not count", _attempts(VOID)),
+    Measure("unjudged", COUNT, "episodes that await a verdict", lambda group: _attempts(UNJUDGED)(group) or 0),
+    Measure("", RATIO, _K_OF_N, lambda group: (group.successes, group.episodes), heading="k/n"),
+    Measure("success_rate", percents(), "success rate (paper, Section 4.1)", heading="SR %"),
+    Measure("ci", intervals(), _OF_RATE, "interval", heading="95 % interval", note=_WILSON),
+    Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
+    Measure(
+        *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
+        *(_mean_of("actions", _successful),),
+        heading="actions (succ.)",
+        rank=1,
+    ),
+    Measure(
+        "spl",
+        decimals(3),
+        "success weighted by path length, 0 to 1",
+        _mean_of("spl", _weighted),
+        heading="SPL",
+        rank=1,
+    ),
+    Measure(
+        "soft_spl",
+        decimals(3),
+        "SPL with progress instead of success, 0 to 1",
+        _mean_of("soft_spl"),
+        heading="SoftSPL",
+        rank=4,
+    ),
+    Measure("spl_episodes", COUNT, "number of episodes in `spl`", _number_of("spl", _weighted)),
+    Measure("soft_spl_episodes", COUNT, "number of episodes in `soft_spl`", _number_of("soft_spl")),
+    Measure("progress", decimals(3), "mean covered share of the shortest path, 0 to 1", _mean_of("progress")),
+    Measure("progress_episodes", COUNT, "number of episodes in `progress`", _number_of("progress")),
+    Measure(
+        "sct",
+        decimals(3),
+        "success weighted by completion time, 0 to 1",
+        _mean_of("sct", _weighted),
+        heading="SCT",
+        rank=4,
+    ),
+    Measure("sct_episodes", COUNT, "number of episodes in `sct`", _number_of("sct", _weighted)),
+    Measure("mean_driving_s", decimals(1), "mean duration on the robot's clock", _mean_of("duration_s")),
+    Measure("mean_thinking_s", decimals(1), "mean inference time, on a real robot", _mean_of("thinking_s")),
+    Measure("median_distance_to_goal_m", NUMBER, "median distance to the goal at the end", _median_distance_m),
+    Measure(
+        *("", Form({}, lambda at: goal_distance(*at))),
+        "median final distance to the nearest instance's footprint, metres",
+        lambda group: (_median_distance_m(group), group.success_distance_m),
+        heading="median d (m)",
+        rank=3,
+    ),
+    Measure(
+        "collisions",
+        KNOWN_COUNT,
+        "episodes that ended with a collision",
+        _ended(EndReason.COLLISION),
+        heading="coll.",
+        rank=3,
+    ),
+    *(
+        Measure(f"{reason}s", KNOWN_COUNT, f"episodes that ended at the limit of {of}", _ended(reason))
+        for reason, of in _LIMITS.items()
+    ),
+    Measure("", COUNT, _LIMIT, _ended(*_LIMITS), heading="limit", rank=3),
+    Measure("trivial", KNOWN_COUNT, "episodes that began within one move of success", _trivial),
+    Measure("cells", COUNT, "number of cells (goal and starting position)", lambda group: len(group.outcomes.cells)),
+    Measure("", RATIO, _DONE, lambda group: (group.episodes, group.planned), heading="done"),
+    Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"
 GROUP = Measures.shared(
     "summary",
-    (
-        Measure("goal", TEXT, "name of the goal", only_in="`goals`"),
-        Measure("kind", TEXT, _KIND, only_in="`goals` and `goal_kinds`"),
-        Measure("start", COUNT, "number of the starting position", only_in="`starts`"),
-        *SUMMARY,
-    ),
+    Measure("goal", TEXT, "name of the goal", only_in="`goals`"),
+    Measure("kind", TEXT, _KIND, only_in="`goals` and `goal_kinds`"),
+    Measure("start", COUNT, "number of the starting position", only_in="`starts`"),
+    *SUMMARY,
 )
 """The JSON object of a group."""
 
 
-def overview_table(results: Results) -> ReportTable:
+def overview_table(results: ReportResults) -> ReportTable:
     """Return the success rates of all conditions by goal, one row per condition."""
     goals = sorted({goal for summary in results.conditions for goal in summary.own_goals}, key=goal_order)
     shown = headlines(results.conditions)
@@ -225,13 +219,13 @@ def overview_table(results: Results) -> ReportTable:
 
 def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
-    rows = [SUMMARY.row(group, Cell(group.title)) for group in summary.goals]
+    rows = [SUMMARY.row(group, TableCell(group.title)) for group in summary.goals]
     totals = [(f"{group.kind} goals", group) for group in summary.kinds]
     if len(summary.goals) != 1:  # the total of one goal is its row
         totals.append(("all", summary.total))
     if summary.shared and len(summary.goals) > 1:
         totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
-    rows += [SUMMARY.row(group, Cell(name), total=True) for name, group in totals]
+    rows += [SUMMARY.row(group, TableCell(name), total=True) for name, group in totals]
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
@@ -249,7 +243,9 @@ def start_table(summary: ConditionSummary) -> ReportTable:
         name=f"starts-{summary.condition.number}",
         title=f"{summary.condition.name}: success by starting position",
         columns=(Column("start"), *SUMMARY.columns),
-        rows=tuple(SUMMARY.row(group, Cell(str(group.start), group.start)) for group in summary.starts if group.start),
+        rows=tuple(
+            SUMMARY.row(group, TableCell(str(group.start), group.start)) for group in summary.starts if group.start
+        ),
         notes=(f"Positions without a success: {listed(never)}.",) if summary.total.episodes else (),
         condition=summary.condition.number,
     )

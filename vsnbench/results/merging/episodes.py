@@ -9,11 +9,11 @@ from typing import Any
 
 from sqlalchemy import Column, Connection, Table, insert, select
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Step, Trial, Verdict
-from vsnbench.results.writing.campaigns import Trial as PlannedTrial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, ProcessRow, StepRow, TrialRow, VerdictRow
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.episodes import attach_images
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests
@@ -34,7 +34,7 @@ class EpisodeRows:
 
     uuid: str
     campaign_key: str
-    trial: PlannedTrial
+    trial: Trial
     process: Row
     """Row of the process that ran the episode."""
     episode: Row
@@ -48,21 +48,21 @@ class EpisodeRows:
     """Measured start pose, if any."""
 
 
-def columns_of(table: type[Base], *without: str) -> list[Column[Any]]:
+def columns_of(table: type[TableBase], *without: str) -> list[Column[Any]]:
     """Return the columns of a table except the named ones."""
     found: Table = table.metadata.tables[table.__tablename__]
     return [column for column in found.columns if column.name not in without]
 
 
-_PROCESS = columns_of(Process, "id")
-_EPISODE = columns_of(Episode, "id", "trial_id", "process_id", "session_id", "images_directory")
-_STEP = columns_of(Step, "episode_id")
-_NOT_COMPARED = (Episode.state.key, Episode.thinking_s.key)
+_PROCESS = columns_of(ProcessRow, "id")
+_EPISODE = columns_of(EpisodeRow, "id", "trial_id", "process_id", "session_id", "images_directory")
+_STEP = columns_of(StepRow, "episode_id")
+_NOT_COMPARED = (EpisodeRow.state.key, EpisodeRow.thinking_s.key)
 """Columns that follow from verdicts, and from steps: two databases may add these in another order."""
-_DIGESTS = (Step.rgb_digest.key, Step.depth_digest.key)
-_VERDICT = columns_of(Verdict, "id", "episode_id")
+_DIGESTS = (StepRow.rgb_digest.key, StepRow.depth_digest.key)
+_VERDICT = columns_of(VerdictRow, "id", "episode_id")
 _PLACEMENT = columns_of(Placement, "id", "episode_id")
-_EVENT = columns_of(Event, "id", "campaign_id", "episode_id")
+_EVENT = columns_of(EventRow, "id", "campaign_id", "episode_id")
 
 
 def read_episode_rows(connection: Connection, episode_id: int, *, steps: bool = True) -> EpisodeRows:
@@ -72,24 +72,31 @@ def read_episode_rows(connection: Connection, episode_id: int, *, steps: bool = 
         NoResultFound: the episode does not exist.
     """
     trial = (
-        select(Campaign.key, Trial.goal, Trial.start, Trial.repetition, Episode.process_id, Episode.session_id)
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .where(Episode.id == episode_id)
+        select(
+            CampaignRow.key,
+            TrialRow.goal,
+            TrialRow.start,
+            TrialRow.repetition,
+            EpisodeRow.process_id,
+            EpisodeRow.session_id,
+        )
+        .select_from(EpisodeRow)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .where(EpisodeRow.id == episode_id)
     )
     key, goal, start, repetition, process_id, session_id = connection.execute(trial).one()
-    (process,) = _rows(connection, _PROCESS, Process.id == process_id)
-    (episode,) = _rows(connection, _EPISODE, Episode.id == episode_id)
+    (process,) = _rows(connection, _PROCESS, ProcessRow.id == process_id)
+    (episode,) = _rows(connection, _EPISODE, EpisodeRow.id == episode_id)
     return EpisodeRows(
         uuid=episode["uuid"],
         campaign_key=key,
-        trial=PlannedTrial(goal, start, repetition),
+        trial=Trial(goal, start, repetition),
         process=process,
         episode=episode,
-        steps=_rows(connection, _STEP, Step.episode_id == episode_id, Step.number) if steps else (),
-        verdicts=_rows(connection, _VERDICT, Verdict.episode_id == episode_id, Verdict.id),
-        events=_rows(connection, _EVENT, Event.episode_id == episode_id, Event.id),
+        steps=_rows(connection, _STEP, StepRow.episode_id == episode_id, StepRow.number) if steps else (),
+        verdicts=_rows(connection, _VERDICT, VerdictRow.episode_id == episode_id, VerdictRow.id),
+        events=_rows(connection, _EVENT, EventRow.episode_id == episode_id, EventRow.id),
         session=session_row(connection, session_id),
         placement=next(iter(_rows(connection, _PLACEMENT, Placement.episode_id == episode_id)), None),
     )
@@ -103,8 +110,14 @@ def _rows(connection: Connection, columns: Sequence[Column[Any]], where: Any, or
 
 def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
     """Return the image digests of an episode's steps, in order."""
-    columns = (Step.number, Step.rgb_digest, Step.depth_digest, Step.rgb_file_digest, Step.depth_file_digest)
-    query = select(*columns).where(Step.episode_id == episode_id).order_by(Step.number)
+    columns = (
+        StepRow.number,
+        StepRow.rgb_digest,
+        StepRow.depth_digest,
+        StepRow.rgb_file_digest,
+        StepRow.depth_file_digest,
+    )
+    query = select(*columns).where(StepRow.episode_id == episode_id).order_by(StepRow.number)
     return [StepDigests(*row) for row in connection.execute(query)]
 
 
@@ -115,26 +128,28 @@ def insert_episode_rows(
 
     The numbers of its trial and process are those in this record. With files, the row names their directory.
     """
-    if connection.execute(select(Episode.id).where(Episode.uuid == whole.uuid)).first() is not None:
+    if connection.execute(select(EpisodeRow.id).where(EpisodeRow.uuid == whole.uuid)).first() is not None:
         return None
     given = {**whole.episode, "trial_id": trial_id, "process_id": process_id, "images_directory": ""}
     if whole.session is not None:
         robot_id = connection.scalars(
-            select(Campaign.robot_id).join(Trial, Trial.campaign_id == Campaign.id).where(Trial.id == trial_id)
+            select(CampaignRow.robot_id)
+            .join(TrialRow, TrialRow.campaign_id == CampaignRow.id)
+            .where(TrialRow.id == trial_id)
         ).one()
         given["session_id"] = find_or_insert_session(connection, whole.session, process_id, robot_id)
-    number = insert_row(connection, Episode, given)
+    number = insert_row(connection, EpisodeRow, given)
     if whole.placement is not None:
         insert_row(connection, Placement, {**whole.placement, "episode_id": number})
     if has_files:
         attach_images(connection, number)
-    add_rows(connection, Step, number, whole.steps)
-    add_rows(connection, Verdict, number, whole.verdicts)
-    add_rows(connection, Event, number, whole.events)
+    add_rows(connection, StepRow, number, whole.steps)
+    add_rows(connection, VerdictRow, number, whole.verdicts)
+    add_rows(connection, EventRow, number, whole.events)
     return number
 
 
-def add_rows(connection: Connection, table: type[Base], episode_id: int, rows: Sequence[Row]) -> None:
+def add_rows(connection: Connection, table: type[TableBase], episode_id: int, rows: Sequence[Row]) -> None:
     """Append steps, verdicts or events of another record to an episode."""
     if rows:
         connection.execute(insert(table), [{**row, "episode_id": episode_id} for row in rows])

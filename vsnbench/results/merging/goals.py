@@ -7,7 +7,7 @@ from sqlalchemy import Connection, select
 from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import OtherRecord
 from vsnbench.results.schema.row_encoding import Row, find_or_insert
-from vsnbench.results.schema.tables import Campaign, Goal, Trial
+from vsnbench.results.schema.tables import CampaignRow, GoalRow, TrialRow
 
 Definitions = dict[tuple[str, str], Row | None]
 """(Key of the campaign, name of the goal) -> row of the definition; None for a category."""
@@ -16,9 +16,11 @@ Definitions = dict[tuple[str, str], Row | None]
 def definitions_of_trials(connection: Connection) -> Definitions:
     """Return the definitions of the goals of a record's trials."""
     rows = connection.execute(
-        select(Campaign.key, Trial.goal, Goal.sha256, Goal.name, Goal.kind, Goal.content, Goal.image)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Goal, Goal.id == Trial.goal_id)
+        select(
+            CampaignRow.key, TrialRow.goal, GoalRow.sha256, GoalRow.name, GoalRow.kind, GoalRow.content, GoalRow.image
+        )
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .join(GoalRow, GoalRow.id == TrialRow.goal_id)
     )
     names = ("sha256", "name", "kind", "content", "image")
     return {(row["key"], row["goal"]): {name: row[name] for name in names} for row in rows.mappings()}
@@ -34,7 +36,7 @@ def agreeing_definitions(records: Iterable[OtherRecord]) -> Definitions:
     if not any(defined for _, defined in defined_in):
         return {}
     known: Definitions = {}
-    pairs = select(Campaign.key, Trial.goal).join(Campaign, Campaign.id == Trial.campaign_id).distinct()
+    pairs = select(CampaignRow.key, TrialRow.goal).join(CampaignRow, CampaignRow.id == TrialRow.campaign_id).distinct()
     for record, defined in defined_in:
         for key, goal in record.connection.execute(pairs):
             mine = defined.get((key, goal))
@@ -52,4 +54,4 @@ def agreeing_definitions(records: Iterable[OtherRecord]) -> Definitions:
 def take_definitions(mine: Connection, key: str, goals: Sequence[str], definitions: Definitions) -> dict[str, int]:
     """Store the definitions of the goals of a campaign, and return their numbers in this record by name."""
     wanted = ((goal, definitions.get((key, goal))) for goal in dict.fromkeys(goals))
-    return {goal: find_or_insert(mine, Goal, row, "sha256") for goal, row in wanted if row is not None}
+    return {goal: find_or_insert(mine, GoalRow, row, "sha256") for goal, row in wanted if row is not None}

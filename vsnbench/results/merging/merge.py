@@ -23,7 +23,7 @@ from vsnbench.results.merging.goals import take_definitions
 from vsnbench.results.merging.plan import IDENTITIES, MergePlan, OtherEpisode, campaign_numbers
 from vsnbench.results.merging.studies import write_studies
 from vsnbench.results.schema.row_encoding import Row, event_row, find_or_insert, insert_row
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Trial, Verdict
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, ProcessRow, TrialRow, VerdictRow
 from vsnbench.results.writing.campaigns import extend_plan
 from vsnbench.results.writing.episodes import PlaceFiles, images_directory
 from vsnbench.text.sanitize import counted
@@ -62,8 +62,8 @@ def apply_merge(
         goals = take_definitions(mine, key, [trial.goal for trial in trials], plan.definitions)
         extend_plan(mine, numbers[key], trials, goals)
     for key, events in plan.new_events.items():
-        mine.execute(insert(Event), [{**event, "campaign_id": numbers[key]} for event in events])
-    known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(Trial))}
+        mine.execute(insert(EventRow), [{**event, "campaign_id": numbers[key]} for event in events])
+    known = {(row.campaign_id, row.goal, row.start, row.repetition): row.id for row in mine.execute(select(TrialRow))}
     write_studies(mine, plan.studies.united, numbers, known, processes.number)
     for new_episode in plan.new_episodes:
         whole = read_episode_rows(others[new_episode.other].connection, new_episode.number)
@@ -81,15 +81,15 @@ def apply_merge(
 
 def _add(mine: Connection, other: OtherRecord, episode: OtherEpisode) -> None:
     """Append the verdicts and events of an episode that this record lacks."""
-    number = mine.execute(select(Episode.id).where(Episode.uuid == episode.uuid)).scalar_one()
+    number = mine.execute(select(EpisodeRow.id).where(EpisodeRow.uuid == episode.uuid)).scalar_one()
     ours = read_episode_rows(mine, number, steps=False)
     theirs = read_episode_rows(other.connection, episode.number, steps=False)
     if wrong := difference(ours, theirs):
         raise RecordError(f"episode {episode.number} of {other.name} ({episode.uuid}): {wrong}; nothing was written")
-    add_rows(mine, Event, number, missing_events(ours.events, theirs.events))
+    add_rows(mine, EventRow, number, missing_events(ours.events, theirs.events))
     if len(theirs.verdicts) > len(ours.verdicts):
-        add_rows(mine, Verdict, number, theirs.verdicts[len(ours.verdicts) :])
-        mine.execute(update(Episode).where(Episode.id == number).values(state=theirs.episode["state"]))
+        add_rows(mine, VerdictRow, number, theirs.verdicts[len(ours.verdicts) :])
+        mine.execute(update(EpisodeRow).where(EpisodeRow.id == number).values(state=theirs.episode["state"]))
 
 
 def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_Processes") -> None:
@@ -97,9 +97,9 @@ def _take_campaign(mine: Connection, other: Connection, row: Row, processes: "_P
     for table, column, _ in IDENTITIES:
         found = other.execute(select(*columns_of(table, "id")).where(table.__table__.c.id == row[column])).mappings()
         given[column] = find_or_insert(mine, table, dict(found.one()), "sha256")
-    process = other.execute(select(*columns_of(Process, "id")).where(Process.id == row["process_id"])).mappings()
+    process = other.execute(select(*columns_of(ProcessRow, "id")).where(ProcessRow.id == row["process_id"])).mappings()
     given["process_id"] = processes.number(dict(process.one()))
-    insert_row(mine, Campaign, given)
+    insert_row(mine, CampaignRow, given)
 
 
 class _Processes:
@@ -109,14 +109,14 @@ class _Processes:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        rows = connection.execute(select(*columns_of(Process))).mappings()
+        rows = connection.execute(select(*columns_of(ProcessRow))).mappings()
         self._numbers: dict[tuple[Any, ...], int] = {self._identity(dict(row)): int(row["id"]) for row in rows}
 
     def number(self, row: Row) -> int:
         """Return the number of a process in this record, inserting it if needed."""
         identity = self._identity(row)
         if identity not in self._numbers:
-            self._numbers[identity] = insert_row(self._connection, Process, row)
+            self._numbers[identity] = insert_row(self._connection, ProcessRow, row)
         return self._numbers[identity]
 
     def _identity(self, row: Row) -> tuple[Any, ...]:
@@ -130,4 +130,4 @@ def _record_sources(
     counts = Counter((episode.campaign_key, episode.other) for episode in plan.new_episodes)
     for (key, other), count in counts.items():
         words = f"{counted(count, 'episode')} came from {others[other].name}"
-        mine.execute(insert(Event), event_row(MERGED, words, campaign_id=numbers[key]))
+        mine.execute(insert(EventRow), event_row(MERGED, words, campaign_id=numbers[key]))

@@ -16,16 +16,16 @@ from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import OtherRecord, columns_of, difference, missing_events, read_episode_rows
 from vsnbench.results.merging.goals import Definitions, agreeing_definitions
 from vsnbench.results.merging.studies import StudiesPlan, plan_studies
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.row_encoding import Row
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Robot, Site, Trial
-from vsnbench.results.writing.campaigns import Trial as PlannedTrial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, ModelRow, RobotRow, SiteRow, TrialRow
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.lifecycle import ACTIVE, RESULTS
 
-IDENTITIES: tuple[tuple[type[Base], str, tuple[str, ...]], ...] = (
-    (Site, "site_id", ("content",)),
-    (Robot, "robot_id", ("kind", "profile", "simulated")),
-    (Model, "model_id", ("name", "weights_sha256", "settings", "surveyed", "files")),
+IDENTITIES: tuple[tuple[type[TableBase], str, tuple[str, ...]], ...] = (
+    (SiteRow, "site_id", ("content",)),
+    (RobotRow, "robot_id", ("kind", "profile", "simulated")),
+    (ModelRow, "model_id", ("name", "weights_sha256", "settings", "surveyed", "files")),
 )
 """Tables that a campaign refers to, with the column and the hashed fields; equal hashes require equal content."""
 
@@ -43,7 +43,7 @@ class OtherEpisode:
     images_directory: str
     """In that record; empty without images."""
     campaign_key: str
-    trial: PlannedTrial
+    trial: Trial
     is_result: bool
 
 
@@ -64,7 +64,7 @@ class MergePlan:
     """Definitions of the goals of all records."""
     new_campaigns: Mapping[str, tuple[Row, OtherRecord]]
     """Key -> campaign, in the first record that has it."""
-    new_trials: Mapping[str, Sequence[PlannedTrial]]
+    new_trials: Mapping[str, Sequence[Trial]]
     """Key of a campaign -> further planned trials."""
     new_events: Mapping[str, Sequence[Row]]
     """Key of a campaign -> further events of the campaign."""
@@ -111,7 +111,7 @@ def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: boo
     )
     here = {
         row.uuid: ExistingEpisode(row.id, row.images_directory)
-        for row in mine.execute(select(Episode.uuid, Episode.id, Episode.images_directory))
+        for row in mine.execute(select(EpisodeRow.uuid, EpisodeRow.id, EpisodeRow.images_directory))
     }
     arriving: dict[str, OtherEpisode] = {}
     contradictions = []
@@ -152,7 +152,7 @@ def plan_merge(mine: Connection, others: Sequence[OtherRecord], *, thorough: boo
 
 def campaign_numbers(connection: Connection) -> dict[str, int]:
     """Return the numbers of a record's campaigns by key."""
-    return {row.key: row.id for row in connection.execute(select(Campaign.key, Campaign.id))}
+    return {row.key: row.id for row in connection.execute(select(CampaignRow.key, CampaignRow.id))}
 
 
 def _agreeing_campaigns(records: Sequence[OtherRecord]) -> dict[str, tuple[Row, OtherRecord]]:
@@ -168,7 +168,7 @@ def _agreeing_campaigns(records: Sequence[OtherRecord]) -> dict[str, tuple[Row, 
             for row in _all(record.connection, table):
                 hashes[column, row["id"]] = row["sha256"]
                 _agree(known, table.__tablename__, row["sha256"], [row[name] for name in names], record.name)
-        for row in _all(record.connection, Campaign):
+        for row in _all(record.connection, CampaignRow):
             condition = [row["protocol"], row["conditions"], row["seed"]]
             condition += [hashes[column, row[column]] for _, column, _ in IDENTITIES]
             _agree(known, "campaign", row["key"], condition, record.name)
@@ -185,17 +185,15 @@ def _agree(known: dict[tuple[str, str], Any], kind: str, identity: str, content:
         )
 
 
-def _all(connection: Connection, table: type[Base]) -> list[Row]:
+def _all(connection: Connection, table: type[TableBase]) -> list[Row]:
     rows = connection.execute(select(*columns_of(table)).order_by(table.__table__.c.id)).mappings()
     return [dict(row) for row in rows]
 
 
-def _new_trials(
-    mine: Connection, others: Sequence[OtherRecord], campaigns: Iterable[str]
-) -> dict[str, list[PlannedTrial]]:
+def _new_trials(mine: Connection, others: Sequence[OtherRecord], campaigns: Iterable[str]) -> dict[str, list[Trial]]:
     """Return, by campaign, the planned trials that this record lacks, in the order of the others' plans."""
     have = {key: set(trials) for key, trials in _trials(mine).items()}
-    ranked: dict[str, dict[PlannedTrial, int]] = {key: {} for key in campaigns}
+    ranked: dict[str, dict[Trial, int]] = {key: {} for key in campaigns}
     for other in others:
         for key, trials in _trials(other.connection).items():
             for trial, rank in trials.items():
@@ -204,15 +202,15 @@ def _new_trials(
     return {key: sorted(trials, key=trials.__getitem__) for key, trials in ranked.items() if trials}
 
 
-def _trials(connection: Connection) -> dict[str, dict[PlannedTrial, int]]:
+def _trials(connection: Connection) -> dict[str, dict[Trial, int]]:
     rows = connection.execute(
-        select(Campaign.key, Trial.goal, Trial.start, Trial.repetition, Trial.rank)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .order_by(Trial.campaign_id, Trial.rank, Trial.id)
+        select(CampaignRow.key, TrialRow.goal, TrialRow.start, TrialRow.repetition, TrialRow.rank)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .order_by(TrialRow.campaign_id, TrialRow.rank, TrialRow.id)
     )
-    found: dict[str, dict[PlannedTrial, int]] = {}
+    found: dict[str, dict[Trial, int]] = {}
     for key, goal, start, repetition, rank in rows:
-        found.setdefault(key, {})[PlannedTrial(goal, start, repetition)] = rank
+        found.setdefault(key, {})[Trial(goal, start, repetition)] = rank
     return found
 
 
@@ -230,12 +228,12 @@ def _new_events(mine: Connection, others: Sequence[OtherRecord]) -> dict[str, li
 
 
 def _campaign_events(connection: Connection) -> dict[str, list[Row]]:
-    columns = columns_of(Event, "id", "campaign_id", "episode_id")
+    columns = columns_of(EventRow, "id", "campaign_id", "episode_id")
     rows = connection.execute(
-        select(Campaign.key, *columns)
-        .join(Campaign, Campaign.id == Event.campaign_id)
-        .where(Event.episode_id.is_(None))
-        .order_by(Event.id)
+        select(CampaignRow.key, *columns)
+        .join(CampaignRow, CampaignRow.id == EventRow.campaign_id)
+        .where(EventRow.episode_id.is_(None))
+        .order_by(EventRow.id)
     )
     found: dict[str, list[Row]] = {}
     for row in rows.mappings():
@@ -248,27 +246,27 @@ def _episodes(connection: Connection, place: int) -> Iterable[tuple[OtherEpisode
     active, results = [state.value for state in ACTIVE], [state.value for state in RESULTS]
     rows = connection.execute(
         select(
-            *(Episode.uuid, Episode.id, Episode.started_at, Episode.images_directory, Episode.state),
-            *(Campaign.key, Trial.goal, Trial.start, Trial.repetition),
+            *(EpisodeRow.uuid, EpisodeRow.id, EpisodeRow.started_at, EpisodeRow.images_directory, EpisodeRow.state),
+            *(CampaignRow.key, TrialRow.goal, TrialRow.start, TrialRow.repetition),
         )
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .order_by(Episode.id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .order_by(EpisodeRow.id)
     )
     for uuid, number, started_at, directory, state, key, goal, start, repetition in rows.all():
-        trial = PlannedTrial(goal, start, repetition)
+        trial = Trial(goal, start, repetition)
         episode = OtherEpisode(uuid, place, number, started_at, directory, key, trial, state in results)
         yield episode, state not in active
 
 
 def _second_results(mine: Connection, new_episodes: Iterable[OtherEpisode]) -> int:
     rows = mine.execute(
-        select(Campaign.key, Trial.goal, Trial.start, Trial.repetition)
-        .join(Trial, Trial.campaign_id == Campaign.id)
-        .join(Episode, Episode.trial_id == Trial.id)
-        .where(Episode.state.in_([state.value for state in RESULTS]))
+        select(CampaignRow.key, TrialRow.goal, TrialRow.start, TrialRow.repetition)
+        .join(TrialRow, TrialRow.campaign_id == CampaignRow.id)
+        .join(EpisodeRow, EpisodeRow.trial_id == TrialRow.id)
+        .where(EpisodeRow.state.in_([state.value for state in RESULTS]))
     )
-    have = {(key, PlannedTrial(goal, start, repetition)) for key, goal, start, repetition in rows}
+    have = {(key, Trial(goal, start, repetition)) for key, goal, start, repetition in rows}
     second = 0
     for new_episode in new_episodes:
         if new_episode.is_result:

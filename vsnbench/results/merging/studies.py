@@ -17,7 +17,7 @@ from vsnbench.errors import RecordError
 from vsnbench.results.merging.episodes import OtherRecord, columns_of
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyEvent, StudyTrial
-from vsnbench.results.schema.tables import Campaign, Episode, Process, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ProcessRow, TrialRow
 from vsnbench.results.studies.entries import AMEND
 from vsnbench.results.studies.log import LogEvent, events_of
 from vsnbench.text.sanitize import sanitize
@@ -124,19 +124,21 @@ def _read_studies(record: OtherRecord) -> list[StudyRows]:
 def _read(record: str, connection: Connection, study: Row) -> StudyRows:
     number, process = study.pop("id"), study.pop("process_id")
     arms = connection.execute(
-        select(StudyArm.name, StudyArm.code, Campaign.key)
-        .join(Campaign, Campaign.id == StudyArm.campaign_id)
+        select(StudyArm.name, StudyArm.code, CampaignRow.key)
+        .join(CampaignRow, CampaignRow.id == StudyArm.campaign_id)
         .where(StudyArm.study_id == number)
         .order_by(StudyArm.code)
     )
     schedule = connection.execute(
-        select(StudyTrial.rank, StudyTrial.block, Campaign.key, Trial.goal, Trial.start, Trial.repetition)
-        .join(Trial, Trial.id == StudyTrial.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
+        select(StudyTrial.rank, StudyTrial.block, CampaignRow.key, TrialRow.goal, TrialRow.start, TrialRow.repetition)
+        .join(TrialRow, TrialRow.id == StudyTrial.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
         .where(StudyTrial.study_id == number)
         .order_by(StudyTrial.rank)
     )
-    processes = {row.pop("id"): row for row in map(dict, connection.execute(select(*columns_of(Process))).mappings())}
+    processes = {
+        row.pop("id"): row for row in map(dict, connection.execute(select(*columns_of(ProcessRow))).mappings())
+    }
     entries = connection.execute(
         select(*columns_of(StudyEntry, "id", "study_id"))
         .where(StudyEntry.study_id == number)
@@ -203,7 +205,7 @@ def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[OtherRecord
                     advice="nothing was written; keep these records apart",
                 )
     for record in records:
-        arms = select(Campaign.key).join(StudyArm, StudyArm.campaign_id == Campaign.id)
+        arms = select(CampaignRow.key).join(StudyArm, StudyArm.campaign_id == CampaignRow.id)
         locked = set(record.connection.scalars(arms))
         for key, count in _episodes(record.connection).items():
             if key in owners and key not in locked:
@@ -217,11 +219,11 @@ def _check_campaigns(studies: Iterable[StudyRows], records: Sequence[OtherRecord
 
 def _episodes(connection: Connection) -> Mapping[str, int]:
     rows = connection.execute(
-        select(Campaign.key, func.count())
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .group_by(Campaign.key)
+        select(CampaignRow.key, func.count())
+        .select_from(EpisodeRow)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .group_by(CampaignRow.key)
     )
     return {row[0]: row[1] for row in rows}
 

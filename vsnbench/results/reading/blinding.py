@@ -14,7 +14,7 @@ from sqlalchemy import Connection, select
 from vsnbench.results.fields import without_hidden
 from vsnbench.results.model import EPISODE, EpisodeProvenance, EpisodeRecord
 from vsnbench.results.reading.read_model import CODE, HIDDEN, TELLING
-from vsnbench.results.schema.tables import Campaign, Episode, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, TrialRow
 from vsnbench.results.step_fields import STEP
 from vsnbench.values.step import StepRecord, StepTimings
 
@@ -25,13 +25,13 @@ HIDDEN_COLUMNS = EPISODE.hidden | STEP.hidden - {"raw_action"}
 def blind_episodes(connection: Connection, numbers: Iterable[int] | None = None) -> frozenset[int]:
     """Return those of some episodes, by default of all, that belong to blinded arms."""
     query = (
-        select(Episode.id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
+        select(EpisodeRow.id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
         .where(CODE.is_not(None))
     )
     if numbers is not None:
-        query = query.where(Episode.id.in_(list(numbers)))
+        query = query.where(EpisodeRow.id.in_(list(numbers)))
     return frozenset(connection.scalars(query))
 
 

@@ -6,11 +6,11 @@ from datetime import datetime
 from sqlalchemy import Connection, func, select, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.tables import Episode
+from vsnbench.results.schema.base import TableBase
+from vsnbench.results.schema.tables import EpisodeRow
 
 
-class ReleasedClaim(Base):
+class ReleasedClaim(TableBase):
     """Number of a claim that was released before the episode began."""
 
     __tablename__ = "released_claim"
@@ -28,8 +28,8 @@ def missing_numbers(connection: Connection) -> tuple[int, ...]:
     if connection.dialect.name != "sqlite":
         return ()
     last = connection.execute(text("SELECT seq FROM sqlite_sequence WHERE name = 'episode'")).scalar() or 0
-    last = max(last, connection.execute(select(func.max(Episode.id))).scalar() or 0)
-    known = {*connection.scalars(select(Episode.id)), *connection.scalars(select(ReleasedClaim.number))}
+    last = max(last, connection.execute(select(func.max(EpisodeRow.id))).scalar() or 0)
+    known = {*connection.scalars(select(EpisodeRow.id)), *connection.scalars(select(ReleasedClaim.number))}
     return tuple(number for number in range(1, last + 1) if number not in known) if len(known) < last else ()
 
 

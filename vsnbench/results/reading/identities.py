@@ -9,8 +9,8 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, Select, select
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.schema.base import Base
-from vsnbench.results.schema.tables import Campaign, Goal, Model, Robot, Site
+from vsnbench.results.schema.base import TableBase
+from vsnbench.results.schema.tables import CampaignRow, GoalRow, ModelRow, RobotRow, SiteRow
 from vsnbench.results.writing.campaigns import card_of_row, content_sha256, model_sha256
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.sites.site import Site as SurveyedSite
@@ -31,7 +31,7 @@ class RowFault:
 
 
 def identity_faults(
-    connection: Connection, table: type[Base], numbers: Select[int] | None = None
+    connection: Connection, table: type[TableBase], numbers: Select[int] | None = None
 ) -> Iterator[RowFault | str]:
     """Yield the faults of one of the tables in `IDENTIFIED`, or as text why a row cannot be checked.
 
@@ -46,17 +46,21 @@ def identity_faults(
     query = select(table.__table__).order_by(table.__table__.c.id)
     if numbers is not None:
         query = query.where(table.__table__.c.id.in_(numbers))
-    check = {Site: _site, Robot: _robot, Model: _model, Goal: _goal}.get(table)
+    check = {SiteRow: _site, RobotRow: _robot, ModelRow: _model, GoalRow: _goal}.get(table)
     if check is not None:
         for row in connection.execute(query):
             yield from check(row)
         return
-    hashes = {part: dict(connection.execute(select(part.id, part.sha256)).all()) for part in (Site, Robot, Model)}
+    hashes = {
+        part: dict(connection.execute(select(part.id, part.sha256)).all()) for part in (SiteRow, RobotRow, ModelRow)
+    }
     for row in connection.execute(query):
-        yield from _campaign(row, [hashes[Site][row.site_id], hashes[Robot][row.robot_id], hashes[Model][row.model_id]])
+        yield from _campaign(
+            row, [hashes[SiteRow][row.site_id], hashes[RobotRow][row.robot_id], hashes[ModelRow][row.model_id]]
+        )
 
 
-IDENTIFIED: tuple[type[Base], ...] = (Site, Robot, Model, Goal, Campaign)
+IDENTIFIED: tuple[type[TableBase], ...] = (SiteRow, RobotRow, ModelRow, GoalRow, CampaignRow)
 """Tables whose rows contain the hash of their content."""
 
 

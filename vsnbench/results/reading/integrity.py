@@ -38,7 +38,7 @@ from vsnbench.files.bounded_json import parse_json
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import redacted_url, sqlite_path
-from vsnbench.results.schema.base import Base, UtcDateTime
+from vsnbench.results.schema.base import TableBase, UtcDateTime
 from vsnbench.results.schema.engine import opened_engine, opened_urls
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.sites.goals import SiteGoal
@@ -112,7 +112,7 @@ def record_fault(url: str) -> str:
 def record_faults(connection: Connection) -> Iterator[str]:
     """Yield every invalid value of a record, with its table, row and column."""
     there = set(inspect(connection).get_table_names())
-    for table in Base.metadata.sorted_tables:
+    for table in TableBase.metadata.sorted_tables:
         if table.name not in there:
             continue
         known = {column["name"] for column in inspect(connection).get_columns(table.name)}

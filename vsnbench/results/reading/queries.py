@@ -43,9 +43,9 @@ def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None
     with transaction(reading(engine)) as connection:
         query = restricted(connection, episodes_of_campaigns(*EPISODE.columns()), which)
         if limit is None:
-            rows = connection.execute(query.order_by(tables.Episode.id)).all()
+            rows = connection.execute(query.order_by(tables.EpisodeRow.id)).all()
         else:
-            rows = connection.execute(query.order_by(tables.Episode.id.desc()).limit(limit)).all()[::-1]
+            rows = connection.execute(query.order_by(tables.EpisodeRow.id.desc()).limit(limit)).all()[::-1]
         found = list(EPISODE.read(Episode, rows, tags=()))
         tags = tags_of(connection, (episode.id for episode in found))
         return tuple(replace(one, tags=tags[one.id]) if one.id in tags else one for one in found)
@@ -56,7 +56,7 @@ def episode_rows(engine: Engine, fields: Fields) -> list[list[Any]]:
 
     Tags stand in the end of a row.
     """
-    query = episodes_of_campaigns(*fields.columns()).order_by(tables.Episode.id)
+    query = episodes_of_campaigns(*fields.columns()).order_by(tables.EpisodeRow.id)
     place = fields.names.index("id")
     with transaction(reading(engine)) as connection:
         rows = list(fields.rows(connection.execute(query)))
@@ -69,7 +69,7 @@ def episode_rows(engine: Engine, fields: Fields) -> list[list[Any]]:
 def count_episodes(engine: Engine, which: EpisodeFilter) -> int:
     """Return the number of episodes that match a filter."""
     with transaction(reading(engine)) as connection:
-        query = restricted(connection, episodes_of_campaigns(func.count(tables.Episode.id)), which)
+        query = restricted(connection, episodes_of_campaigns(func.count(tables.EpisodeRow.id)), which)
         return int(connection.execute(query).scalar_one())
 
 
@@ -87,7 +87,7 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
     Raises:
         UsageError: the episode does not exist.
     """
-    this = tables.Episode.id == episode_id
+    this = tables.EpisodeRow.id == episode_id
     with transaction(reading(engine)) as connection:
 
         def all_of(fields: Fields, kind: type[Any], table: Any) -> tuple[Any, ...]:
@@ -95,17 +95,17 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
             return tuple(fields.read(kind, connection.execute(query)))
 
         rows = connection.execute(episodes_of_campaigns(*EPISODE.columns()).where(this)).all()
-        trial_id = connection.scalar(select(tables.Episode.trial_id).where(this))
+        trial_id = connection.scalar(select(tables.EpisodeRow.trial_id).where(this))
         if trial_id is None:
             raise UsageError(
                 f"episode {episode_id} does not exist",
                 advice="`vsnbench episodes list` lists the episodes",
                 code="unknown-episode",
             )
-        process = tables.Process.id == tables.Episode.process_id
-        origin = episodes_of_campaigns(*PROVENANCE.columns()).join(tables.Process, process).where(this)
+        process = tables.ProcessRow.id == tables.EpisodeRow.process_id
+        origin = episodes_of_campaigns(*PROVENANCE.columns()).join(tables.ProcessRow, process).where(this)
         (provenance,) = PROVENANCE.read(EpisodeProvenance, connection.execute(origin))
-        campaign_id = connection.scalar(select(tables.Trial.campaign_id).where(tables.Trial.id == trial_id))
+        campaign_id = connection.scalar(select(tables.TrialRow.campaign_id).where(tables.TrialRow.id == trial_id))
         content = with_goals(connection, provenance.site_content, [campaign_id or 0])
         (episode,) = EPISODE.read(
             EpisodeRecord,
@@ -114,8 +114,8 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
             goal_definition=goal_of_trial(connection, trial_id),
             measured=placement_of(connection, episode_id),
             session=session_of(connection, episode_id),
-            verdicts=all_of(_VERDICT, RecordedVerdict, tables.Verdict),
-            events=all_of(_EVENT, RecordedEvent, tables.Event),
+            verdicts=all_of(_VERDICT, RecordedVerdict, tables.VerdictRow),
+            events=all_of(_EVENT, RecordedEvent, tables.EventRow),
             provenance=replace(provenance, site_content=content),
         )
         return hide_record(episode) if blind_episodes(connection, [episode_id]) else episode
@@ -123,15 +123,15 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
 
 def proposals(engine: Engine, numbers: Collection[int]) -> dict[int, RecordedVerdict]:
     """Return the protocol's latest proposal for each of some episodes that has one."""
-    latest = select(func.max(tables.Verdict.id)).where(tables.Verdict.proposed.is_(True))
-    latest = latest.group_by(tables.Verdict.episode_id)
-    query = select(tables.Verdict.episode_id, *_VERDICT.columns())
+    latest = select(func.max(tables.VerdictRow.id)).where(tables.VerdictRow.proposed.is_(True))
+    latest = latest.group_by(tables.VerdictRow.episode_id)
+    query = select(tables.VerdictRow.episode_id, *_VERDICT.columns())
     with transaction(reading(engine)) as connection:
         rows = [
             row
             for some in parts(numbers)
             for row in connection.execute(
-                query.where(tables.Verdict.id.in_(latest.where(tables.Verdict.episode_id.in_(some))))
+                query.where(tables.VerdictRow.id.in_(latest.where(tables.VerdictRow.episode_id.in_(some))))
             )
         ]
     verdicts = _VERDICT.read(RecordedVerdict, (row[1:] for row in rows))
@@ -144,7 +144,9 @@ def episode_steps(engine: Engine, episode_id: int) -> tuple[StepRecord, ...]:
     Raises:
         RecordError: a step is invalid.
     """
-    query = select(tables.Step.__table__).where(tables.Step.episode_id == episode_id).order_by(tables.Step.number)
+    query = (
+        select(tables.StepRow.__table__).where(tables.StepRow.episode_id == episode_id).order_by(tables.StepRow.number)
+    )
     with transaction(reading(engine)) as connection:
         steps = tuple(_step(row) for row in connection.execute(query))
         return hide_steps(steps) if blind_episodes(connection, [episode_id]) else steps
@@ -162,10 +164,10 @@ def list_campaigns(engine: Engine) -> tuple[Campaign, ...]:
     """Return all campaigns with their progress, in order of creation."""
     query = (
         select(*CAMPAIGN.columns())
-        .join(tables.Model, tables.Model.id == tables.Campaign.model_id)
-        .join(tables.Robot, tables.Robot.id == tables.Campaign.robot_id)
-        .join(tables.Site, tables.Site.id == tables.Campaign.site_id)
-        .order_by(tables.Campaign.id)
+        .join(tables.ModelRow, tables.ModelRow.id == tables.CampaignRow.model_id)
+        .join(tables.RobotRow, tables.RobotRow.id == tables.CampaignRow.robot_id)
+        .join(tables.SiteRow, tables.SiteRow.id == tables.CampaignRow.site_id)
+        .order_by(tables.CampaignRow.id)
     )
     with transaction(reading(engine)) as connection:
         return tuple(CAMPAIGN.read(Campaign, connection.execute(query)))
@@ -173,9 +175,11 @@ def list_campaigns(engine: Engine) -> tuple[Campaign, ...]:
 
 def images_directories(engine: Engine, uuids: Collection[str]) -> dict[str, str]:
     """Return the image directories of those of these episodes that are in the record."""
-    query = select(tables.Episode.uuid, tables.Episode.images_directory)
+    query = select(tables.EpisodeRow.uuid, tables.EpisodeRow.images_directory)
     with transaction(reading(engine)) as connection:
-        rows = [row for some in parts(uuids) for row in connection.execute(query.where(tables.Episode.uuid.in_(some)))]
+        rows = [
+            row for some in parts(uuids) for row in connection.execute(query.where(tables.EpisodeRow.uuid.in_(some)))
+        ]
     return {row.uuid: row.images_directory for row in rows}
 
 
@@ -188,4 +192,4 @@ def recorded_models(engine: Engine) -> set[str]:
 def recorded_goals(engine: Engine) -> set[str]:
     """Return the goals that have trials."""
     with transaction(reading(engine)) as connection:
-        return set(connection.scalars(select(tables.Trial.goal).distinct()))
+        return set(connection.scalars(select(tables.TrialRow.goal).distinct()))

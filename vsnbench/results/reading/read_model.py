@@ -12,7 +12,16 @@ from sqlalchemy.orm import InstrumentedAttribute, aliased
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.schema.study_tables import Study, StudyArm
-from vsnbench.results.schema.tables import Campaign, Episode, Goal, Model, Robot, Site, Trial, Verdict
+from vsnbench.results.schema.tables import (
+    CampaignRow,
+    EpisodeRow,
+    GoalRow,
+    ModelRow,
+    RobotRow,
+    SiteRow,
+    TrialRow,
+    VerdictRow,
+)
 from vsnbench.results.writing.lifecycle import ACTIVE, RESULTS, EpisodeState
 
 
@@ -25,23 +34,24 @@ def _code(campaign_id: InstrumentedAttribute[int]) -> Any:
     )
 
 
-CODE: ColumnElement[str | None] = _code(Campaign.id).correlate(Campaign).scalar_subquery()
+CODE: ColumnElement[str | None] = _code(CampaignRow.id).correlate(CampaignRow).scalar_subquery()
 """Code of a campaign that is an arm of a blinded study; NULL for others."""
-MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, Model.name)
-CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, Campaign.name)
-CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, Campaign.key)
+MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, ModelRow.name)
+CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, CampaignRow.name)
+CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, CampaignRow.key)
 HIDDEN = "hidden while the study is blinded"
 """Replacement of texts that could identify a model."""
 TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})
 """End reasons and event kinds with texts from the model."""
 ERROR: ColumnElement[str] = case(
-    (CODE.is_not(None) & (Episode.error != "") & Episode.end_reason.in_(sorted(TELLING)), HIDDEN), else_=Episode.error
+    (CODE.is_not(None) & (EpisodeRow.error != "") & EpisodeRow.end_reason.in_(sorted(TELLING)), HIDDEN),
+    else_=EpisodeRow.error,
 )
 
 
 def current_verdict_id(episode_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
     """Return the id of the episode's latest judgement as a scalar subquery."""
-    verdict = aliased(Verdict)
+    verdict = aliased(VerdictRow)
     return (
         select(func.max(verdict.id))
         .where(verdict.episode_id == episode_id, verdict.proposed.is_(False))
@@ -49,25 +59,25 @@ def current_verdict_id(episode_id: InstrumentedAttribute[int]) -> ColumnElement[
     )
 
 
-STANDS: ColumnElement[bool] = Episode.state != EpisodeState.AWAITING.value
+STANDS: ColumnElement[bool] = EpisodeRow.state != EpisodeState.AWAITING.value
 """The latest judgement is current: an episode with a retracted judgement awaits another."""
-END_REASON: ColumnElement[str | None] = func.coalesce(Verdict.end_reason, Episode.end_reason)
-SUCCESS: ColumnElement[bool | None] = Verdict.success.expression
+END_REASON: ColumnElement[str | None] = func.coalesce(VerdictRow.end_reason, EpisodeRow.end_reason)
+SUCCESS: ColumnElement[bool | None] = VerdictRow.success.expression
 """None unless judged."""
-DISTANCE_M: ColumnElement[float | None] = func.coalesce(Verdict.distance_m, Episode.distance_to_goal_m)
-GOAL_IN_SIGHT: ColumnElement[bool] = func.coalesce(Verdict.goal_in_sight, Episode.goal_in_sight, True)
+DISTANCE_M: ColumnElement[float | None] = func.coalesce(VerdictRow.distance_m, EpisodeRow.distance_to_goal_m)
+GOAL_IN_SIGHT: ColumnElement[bool] = func.coalesce(VerdictRow.goal_in_sight, EpisodeRow.goal_in_sight, True)
 """True if the rule did not require it: before version 2 of the protocol."""
-DISTANCE_SOURCE: ColumnElement[str | None] = func.coalesce(Verdict.distance_source, Episode.distance_source)
-GOAL_INSTANCE: ColumnElement[str | None] = func.coalesce(Verdict.goal_instance, Episode.goal_instance)
+DISTANCE_SOURCE: ColumnElement[str | None] = func.coalesce(VerdictRow.distance_source, EpisodeRow.distance_source)
+GOAL_INSTANCE: ColumnElement[str | None] = func.coalesce(VerdictRow.goal_instance, EpisodeRow.goal_instance)
 COLLISION: ColumnElement[bool] = func.coalesce(EndReason.COLLISION.value == END_REASON, False)
 
 
 def _is_first_result() -> ColumnElement[bool]:
-    earlier = aliased(Episode)
+    earlier = aliased(EpisodeRow)
     before = select(earlier.id).where(
-        earlier.trial_id == Episode.trial_id, earlier.id < Episode.id, earlier.state.in_(_values(RESULTS))
+        earlier.trial_id == EpisodeRow.trial_id, earlier.id < EpisodeRow.id, earlier.state.in_(_values(RESULTS))
     )
-    return ~exists(before.correlate(Episode).subquery())
+    return ~exists(before.correlate(EpisodeRow).subquery())
 
 
 def _values(states: tuple[EpisodeState, ...]) -> list[str]:
@@ -78,20 +88,20 @@ COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING = "counted", "unjudged", "void", "s
 """Roles of an episode in a report: the result that counts; a result without verdict; void; a further result of the
 trial; not ended."""
 
-COUNTS: ColumnElement[bool] = (Episode.state == EpisodeState.JUDGED.value) & _is_first_result()
+COUNTS: ColumnElement[bool] = (EpisodeRow.state == EpisodeState.JUDGED.value) & _is_first_result()
 """The episode is the first result of its trial, and is judged: the only definition of what counts."""
 OUTCOME: ColumnElement[str] = case(
-    (Episode.state.in_(_values(ACTIVE)), "running"),
-    (Episode.state == EpisodeState.VOID.value, "void"),
-    (Episode.state == EpisodeState.AWAITING.value, "unjudged"),
+    (EpisodeRow.state.in_(_values(ACTIVE)), "running"),
+    (EpisodeRow.state == EpisodeState.VOID.value, "void"),
+    (EpisodeRow.state == EpisodeState.AWAITING.value, "unjudged"),
     (SUCCESS, "success"),
     else_="failure",
 )
 """Outcome according to the current verdict."""
 PART: ColumnElement[str] = case(
     (COUNTS, COUNTED),
-    (Episode.state.in_(_values(ACTIVE)), RUNNING),
-    (Episode.state == EpisodeState.VOID.value, VOID),
+    (EpisodeRow.state.in_(_values(ACTIVE)), RUNNING),
+    (EpisodeRow.state == EpisodeState.VOID.value, VOID),
     (~_is_first_result(), SUPERSEDED),
     else_=UNJUDGED,
 )
@@ -102,9 +112,9 @@ def episodes_of_trials(*columns: Any) -> Select[Any]:
     """Select columns of Episode, Trial and the current Verdict for all episodes, unordered."""
     return (
         select(*columns)
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .outerjoin(Verdict, (Verdict.id == current_verdict_id(Episode.id)) & STANDS)
+        .select_from(EpisodeRow)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .outerjoin(VerdictRow, (VerdictRow.id == current_verdict_id(EpisodeRow.id)) & STANDS)
     )
 
 
@@ -112,17 +122,17 @@ def episodes_of_campaigns(*columns: Any) -> Select[Any]:
     """Select columns of Episode, Trial, the current Verdict, Campaign, Model, Robot, Site and Goal."""
     return (
         episodes_of_trials(*columns)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Model, Model.id == Campaign.model_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .outerjoin(Goal, Goal.id == Trial.goal_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .join(ModelRow, ModelRow.id == CampaignRow.model_id)
+        .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
+        .join(SiteRow, SiteRow.id == CampaignRow.site_id)
+        .outerjoin(GoalRow, GoalRow.id == TrialRow.goal_id)
     )
 
 
 def first_attempt(trial_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
     """Return the id of the first episode of a trial that is not void, as a scalar subquery."""
-    episode = aliased(Episode)
+    episode = aliased(EpisodeRow)
     return (
         select(func.min(episode.id))
         .where(episode.trial_id == trial_id, episode.state != EpisodeState.VOID.value)
@@ -133,7 +143,7 @@ def first_attempt(trial_id: InstrumentedAttribute[int]) -> ColumnElement[int | N
 
 def episodes_holding_trial(trial_id: InstrumentedAttribute[int] | BindParameter[Any]) -> Select[int, str]:
     """Select id and state of the active episodes and results of a trial."""
-    episode = aliased(Episode)
+    episode = aliased(EpisodeRow)
     return (
         select(episode.id, episode.state)
         .where(episode.trial_id == trial_id, episode.state != EpisodeState.VOID.value)

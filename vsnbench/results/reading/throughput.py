@@ -9,7 +9,7 @@ from sqlalchemy import Engine, func, select
 from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.reading.read_model import episodes_of_campaigns
 from vsnbench.results.schema.engine import reading, transaction
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Site
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, SiteRow
 from vsnbench.results.writing.lifecycle import RESULTS
 
 
@@ -32,21 +32,23 @@ def throughput_of(engine: Engine) -> Throughput:
     Raises:
         RecordError: the database cannot be read.
     """
-    results = Episode.state.in_([state.value for state in RESULTS])
+    results = EpisodeRow.state.in_([state.value for state in RESULTS])
     seconds = (
-        episodes_of_campaigns(Model.name, func.avg(Episode.wall_duration_s), func.count(Episode.wall_duration_s))
-        .where(results, Episode.wall_duration_s > 0)
-        .group_by(Model.name)
+        episodes_of_campaigns(
+            ModelRow.name, func.avg(EpisodeRow.wall_duration_s), func.count(EpisodeRow.wall_duration_s)
+        )
+        .where(results, EpisodeRow.wall_duration_s > 0)
+        .group_by(ModelRow.name)
     )
     trials = (
-        episodes_of_campaigns(Campaign.id, Model.name, Site.name, func.count(Episode.trial_id.distinct()))
+        episodes_of_campaigns(CampaignRow.id, ModelRow.name, SiteRow.name, func.count(EpisodeRow.trial_id.distinct()))
         .where(results)
-        .group_by(Campaign.id, Model.name, Site.name)
+        .group_by(CampaignRow.id, ModelRow.name, SiteRow.name)
     )
     with transaction(reading(engine)) as connection:
         campaigns = {
             row.id: (row.seed, text_of_conditions(row.conditions))
-            for row in connection.execute(select(Campaign.id, Campaign.seed, Campaign.conditions))
+            for row in connection.execute(select(CampaignRow.id, CampaignRow.seed, CampaignRow.conditions))
         }
         done: Counter[tuple[str, str, int, str]] = Counter()
         for campaign, model, site, count in connection.execute(trials):

@@ -40,7 +40,7 @@ NAMING_CONVENTION = {
 }
 
 
-class Base(DeclarativeBase):
+class TableBase(DeclarativeBase):
     """Registry of the tables; constraint names follow a convention so that migrations can refer to them."""
 
     metadata = MetaData(naming_convention=NAMING_CONVENTION)

@@ -19,13 +19,13 @@ from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.database_url import sqlite_path, sqlite_url
 from vsnbench.results.schema.backup import backup
 from vsnbench.results.schema.engine import database_label, opened_engine, record_errors
-from vsnbench.results.schema.tables import Campaign, Model, Robot, Site
+from vsnbench.results.schema.tables import CampaignRow, ModelRow, RobotRow, SiteRow
 
 if TYPE_CHECKING:
     from alembic.config import Config
 
 logger = logging.getLogger(__name__)
-HEAD: Final = "0010"
+HEAD: Final = "0011"
 """Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
 NEWEST: Final = "newest.sql"
 """File with the result of all migrations, which take 0.2 s for an empty record."""
@@ -211,12 +211,12 @@ _ADVISORY_LOCK = 7_305_514_013
 def _check_campaigns(engine: Engine) -> None:
     """Check that no campaign refers to a missing row, because it would be missing from every table."""
     query = (
-        select(Campaign.id, Model.id, Robot.id, Site.id)
-        .outerjoin(Model, Model.id == Campaign.model_id)
-        .outerjoin(Robot, Robot.id == Campaign.robot_id)
-        .outerjoin(Site, Site.id == Campaign.site_id)
-        .where(or_(Model.id.is_(None), Robot.id.is_(None), Site.id.is_(None)))
-        .order_by(Campaign.id)
+        select(CampaignRow.id, ModelRow.id, RobotRow.id, SiteRow.id)
+        .outerjoin(ModelRow, ModelRow.id == CampaignRow.model_id)
+        .outerjoin(RobotRow, RobotRow.id == CampaignRow.robot_id)
+        .outerjoin(SiteRow, SiteRow.id == CampaignRow.site_id)
+        .where(or_(ModelRow.id.is_(None), RobotRow.id.is_(None), SiteRow.id.is_(None)))
+        .order_by(CampaignRow.id)
     )
     with record_errors(engine), engine.connect() as connection:
         torn = connection.execute(query).first()

@@ -5,10 +5,10 @@ from datetime import datetime
 from sqlalchemy import ForeignKey
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base, JsonValue
+from vsnbench.results.schema.base import JsonValue, TableBase
 
 
-class Placement(Base):
+class Placement(TableBase):
     """An accepted measured placement; absent if the pose was not measured."""
 
     __tablename__ = "placement"

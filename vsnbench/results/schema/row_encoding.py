@@ -10,7 +10,7 @@ from sqlalchemy import Connection, insert, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from vsnbench.protocol.judge import Verdict
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.provenance import Provenance
 from vsnbench.values.fix import Fix, PoseSource
@@ -30,7 +30,7 @@ def parts(numbers: Iterable[Any]) -> Iterator[list[Any]]:
     return (ordered[first : first + _AT_ONCE] for first in range(0, len(ordered), _AT_ONCE))
 
 
-def columns_of_fields(table: type[Base], kind: type[Any]) -> list[Any]:
+def columns_of_fields(table: type[TableBase], kind: type[Any]) -> list[Any]:
     """Return the columns of a table that have the names of a dataclass's fields."""
     columns = table.__table__.c
     return [columns[field.name] for field in fields(kind) if field.name in columns]
@@ -164,13 +164,13 @@ def verdict_row(
     }
 
 
-def insert_row(connection: Connection, table: type[Base], row: Row) -> int:
+def insert_row(connection: Connection, table: type[TableBase], row: Row) -> int:
     """Insert a row and return its id."""
     key: Any = connection.execute(insert(table), row).inserted_primary_key
     return int(key[0])
 
 
-def find_or_insert(connection: Connection, table: type[Base], row: Row, unique: str) -> int:
+def find_or_insert(connection: Connection, table: type[TableBase], row: Row, unique: str) -> int:
     """Return the id of the row with this value in its unique column, inserting it if needed.
 
     A concurrent insertion of the same row is waited for.
@@ -184,7 +184,7 @@ def find_or_insert(connection: Connection, table: type[Base], row: Row, unique: 
     return found
 
 
-def insert_if_absent(connection: Connection, table: type[Base], unique: list[str]) -> Any:
+def insert_if_absent(connection: Connection, table: type[TableBase], unique: list[str]) -> Any:
     """Return an INSERT that ignores existing rows."""
     dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
     return dialect.insert(table).on_conflict_do_nothing(index_elements=unique)

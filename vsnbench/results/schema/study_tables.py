@@ -5,10 +5,10 @@ from datetime import datetime
 from sqlalchemy import BigInteger, ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 
 
-class Study(Base):
+class Study(TableBase):
     """A locked plan of several arms."""
 
     __tablename__ = "study"
@@ -35,7 +35,7 @@ class Study(Base):
     """Hashes of the log's newest events, sorted, separated by spaces; empty for studies from before the log existed."""
 
 
-class StudyArm(Base):
+class StudyArm(TableBase):
     """An arm of a study: a campaign that belongs to this study only."""
 
     __tablename__ = "study_arm"
@@ -49,7 +49,7 @@ class StudyArm(Base):
     """Letter that replaces the model's name in a blinded study."""
 
 
-class StudyTrial(Base):
+class StudyTrial(TableBase):
     """A scheduled trial."""
 
     __tablename__ = "study_trial"
@@ -64,7 +64,7 @@ class StudyTrial(Base):
     """From 0: the trials of all arms on one cell."""
 
 
-class StudyEntry(Base):
+class StudyEntry(TableBase):
     """An entry in the history of a study; append-only."""
 
     __tablename__ = "study_entry"
@@ -83,7 +83,7 @@ class StudyEntry(Base):
     """Number of trials with a result at that time."""
 
 
-class StudyEvent(Base):
+class StudyEvent(TableBase):
     """An event of a study's log, chained by hashes to its predecessors; append-only."""
 
     __tablename__ = "study_event"

@@ -9,10 +9,10 @@ from typing import Any
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, Integer, LargeBinary, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from vsnbench.results.schema.base import Base
+from vsnbench.results.schema.base import TableBase
 
 
-class Site(Base):
+class SiteRow(TableBase):
     """A surveyed site with its content at the beginning of the campaign."""
 
     __tablename__ = "site"
@@ -24,7 +24,7 @@ class Site(Base):
     content: Mapped[dict[str, Any]]
 
 
-class Robot(Base):
+class RobotRow(TableBase):
     """A robot as identified by its driver."""
 
     __tablename__ = "robot"
@@ -40,7 +40,7 @@ class Robot(Base):
     profile: Mapped[dict[str, Any]]
 
 
-class Model(Base):
+class ModelRow(TableBase):
     """A policy with its weights and settings; other weights or settings are another model."""
 
     __tablename__ = "model"
@@ -62,7 +62,7 @@ class Model(Base):
     """The model has access to the site file: an upper bound, not a competitor."""
 
 
-class Process(Base):
+class ProcessRow(TableBase):
     """A writing process: provenance, and identity to check whether it is alive."""
 
     __tablename__ = "process"
@@ -89,7 +89,7 @@ class Process(Base):
     """Operating system, interpreter and processor; of a process that runs trials also `package_hashes`."""
 
 
-class Campaign(Base):
+class CampaignRow(TableBase):
     """A condition (model, robot, site, protocol, conditions) and a seed; its plan of trials may grow."""
 
     __tablename__ = "campaign"
@@ -112,7 +112,7 @@ class Campaign(Base):
     seed: Mapped[int] = mapped_column(BigInteger)
 
 
-class Goal(Base):
+class GoalRow(TableBase):
     """Definition of a goal of a site file; a category of objects has none."""
 
     __tablename__ = "goal"
@@ -130,7 +130,7 @@ class Goal(Base):
     """The photograph of an image goal, PNG or JPEG; NULL for other kinds."""
 
 
-class Trial(Base):
+class TrialRow(TableBase):
     """A planned trial: a goal, a starting position and a repetition."""
 
     __tablename__ = "trial"
@@ -153,7 +153,7 @@ class Trial(Base):
     """Order of planning, from 0."""
 
 
-class Session(Base):
+class SessionRow(TableBase):
     """A session of one operator with one robot."""
 
     __tablename__ = "session"
@@ -175,7 +175,7 @@ IS_ACTIVE = text("state IN ('claimed', 'placed', 'running')")  # a query with ex
 _WHERE_ACTIVE: Any = {"sqlite_where": IS_ACTIVE, "postgresql_where": IS_ACTIVE}
 
 
-class Episode(Base):
+class EpisodeRow(TableBase):
     """One attempt at a trial; `end_reason` is NULL until it has ended."""
 
     __tablename__ = "episode"
@@ -242,7 +242,7 @@ class Episode(Base):
     """Relative to the results directory; empty without images."""
 
 
-class Step(Base):
+class StepRow(TableBase):
     """One action of the policy: observation, request, execution and measurements."""
 
     __tablename__ = "step"
@@ -261,6 +261,7 @@ class Step(Base):
     """The depth guard blocked the action: counted but not executed."""
     completed: Mapped[bool]
     failure: Mapped[str]
+    """Why the robot did not complete it, or an empty string."""
     recorded_at: Mapped[datetime]
     stamp_s: Mapped[float | None]
     """Time of the image on the robot's clock."""
@@ -299,9 +300,11 @@ class Step(Base):
     rgb_file_digest: Mapped[str | None]
     """Digest of the bytes of the colour file; NULL without a file, and for steps from before schema 0009."""
     depth_file_digest: Mapped[str | None]
+    refusal: Mapped[str]
+    """Why the depth guard refused the action or ended it early, or an empty string."""
 
 
-class Event(Base):
+class EventRow(TableBase):
     """An event other than a step: an intervention, a resumption, a warning."""
 
     __tablename__ = "event"
@@ -317,7 +320,7 @@ class Event(Base):
     text: Mapped[str]
 
 
-class Verdict(Base):
+class VerdictRow(TableBase):
     """A judgement of an episode or a proposal; append-only, the latest judgement is current."""
 
     __tablename__ = "verdict"

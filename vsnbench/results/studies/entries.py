@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.lifecycle import EpisodeState
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 LOCK, AMEND, UNBLIND, SESSION, SESSION_END, SUSPEND, OVER = (
     "lock",

@@ -6,20 +6,20 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, select
 
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.goals import with_goals
 from vsnbench.results.reading.episode_numbers import missing_numbers
 from vsnbench.results.reading.identities import RowFault, identity_faults
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.studies.log import LogEvent, events_of, measured_by_episode, verdicts_by_episode
 from vsnbench.results.studies.writing import logged_entry
 from vsnbench.results.writing.lifecycle import ENDED
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 
 @dataclass(frozen=True, slots=True)
-class EndedEpisode:
+class StudyEpisode:
     """An ended episode of a study as stored."""
 
     number: int
@@ -43,7 +43,7 @@ class StudyEvidence:
     entries: tuple[Mapping[str, Any], ...]
     """Rows of `study_entry` in the format of the log."""
     schedule: tuple[ScheduledTrial, ...]
-    episodes: Mapping[str, EndedEpisode]
+    episodes: Mapping[str, StudyEpisode]
     """UUID -> ended episode."""
     missing_numbers: tuple[int, ...]
     """Episode numbers of the whole record that have no row and were not released."""
@@ -76,31 +76,33 @@ def read_evidence(engine: Engine, study_id: int) -> StudyEvidence:
 
 def _schedule(connection: Connection, study_id: int) -> tuple[ScheduledTrial, ...]:
     rows = connection.execute(
-        select(StudyTrial.rank, StudyTrial.block, StudyArm.name, Trial.goal, Trial.start, Trial.repetition)
-        .join(Trial, Trial.id == StudyTrial.trial_id)
-        .outerjoin(StudyArm, (StudyArm.campaign_id == Trial.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
+        select(StudyTrial.rank, StudyTrial.block, StudyArm.name, TrialRow.goal, TrialRow.start, TrialRow.repetition)
+        .join(TrialRow, TrialRow.id == StudyTrial.trial_id)
+        .outerjoin(
+            StudyArm, (StudyArm.campaign_id == TrialRow.campaign_id) & (StudyArm.study_id == StudyTrial.study_id)
+        )
         .where(StudyTrial.study_id == study_id)
         .order_by(StudyTrial.rank)
     )
     return tuple(ScheduledTrial(row[0], row[1], row[2] or "", *row[3:]) for row in rows)
 
 
-def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisode]:
+def _episodes(connection: Connection, study_id: int) -> Mapping[str, StudyEpisode]:
     ended = (
         select(
-            *(Episode.uuid, Episode.id, Episode.state),
-            *(StudyArm.name, Trial.goal, Trial.start, Trial.repetition),
+            *(EpisodeRow.uuid, EpisodeRow.id, EpisodeRow.state),
+            *(StudyArm.name, TrialRow.goal, TrialRow.start, TrialRow.repetition),
         )
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
-        .where(StudyArm.study_id == study_id, Episode.state.in_([state.value for state in ENDED]))
+        .select_from(EpisodeRow)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(StudyArm, StudyArm.campaign_id == TrialRow.campaign_id)
+        .where(StudyArm.study_id == study_id, EpisodeRow.state.in_([state.value for state in ENDED]))
     )
     rows = connection.execute(ended).all()
     numbers = select(ended.subquery().c.id)
     verdicts, measured = verdicts_by_episode(connection, numbers), measured_by_episode(connection, numbers)
     return {
-        row.uuid: EndedEpisode(
+        row.uuid: StudyEpisode(
             number=row.id,
             arm=row.name,
             goal=row.goal,
@@ -116,9 +118,9 @@ def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisod
 
 def _site_content(connection: Connection, study_id: int) -> Mapping[str, Any]:
     found = connection.execute(
-        select(Site.content, Campaign.id)
-        .join(Campaign, Campaign.site_id == Site.id)
-        .join(StudyArm, StudyArm.campaign_id == Campaign.id)
+        select(SiteRow.content, CampaignRow.id)
+        .join(CampaignRow, CampaignRow.site_id == SiteRow.id)
+        .join(StudyArm, StudyArm.campaign_id == CampaignRow.id)
         .where(StudyArm.study_id == study_id)
         .order_by(StudyArm.code)
     ).all()
@@ -128,10 +130,10 @@ def _site_content(connection: Connection, study_id: int) -> Mapping[str, Any]:
 def _identity_faults(connection: Connection, study_id: int) -> Iterator[str]:
     campaigns = select(StudyArm.campaign_id).where(StudyArm.study_id == study_id)
     for table, column in (
-        *((Campaign, Campaign.id), (Site, Campaign.site_id)),
-        *((Robot, Campaign.robot_id), (Model, Campaign.model_id)),
+        *((CampaignRow, CampaignRow.id), (SiteRow, CampaignRow.site_id)),
+        *((RobotRow, CampaignRow.robot_id), (ModelRow, CampaignRow.model_id)),
     ):
-        numbers = select(column).where(Campaign.id.in_(campaigns))
+        numbers = select(column).where(CampaignRow.id.in_(campaigns))
         for fault in identity_faults(connection, table, numbers):
             if isinstance(fault, RowFault):
                 yield f"{fault.table} {fault.row}: {fault.column} {fault.text}"

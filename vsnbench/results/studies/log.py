@@ -15,7 +15,7 @@ from sqlalchemy import Connection, Select, func, insert, select, update
 from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEvent, StudyTrial
-from vsnbench.results.schema.tables import Episode, Process, Session, Trial, Verdict
+from vsnbench.results.schema.tables import EpisodeRow, ProcessRow, SessionRow, TrialRow, VerdictRow
 
 ENTRY, OUTCOME = "entry", "outcome"
 """Kinds of events."""
@@ -90,14 +90,14 @@ def log_outcome(connection: Connection, episode_id: int) -> None:
     """
     found = connection.execute(
         select(
-            *(StudyTrial.study_id, StudyArm.name, Trial.goal, Trial.start, Trial.repetition),
-            *(Episode.uuid, Episode.state),
+            *(StudyTrial.study_id, StudyArm.name, TrialRow.goal, TrialRow.start, TrialRow.repetition),
+            *(EpisodeRow.uuid, EpisodeRow.state),
         )
-        .select_from(Episode)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(StudyTrial, StudyTrial.trial_id == Trial.id)
-        .join(StudyArm, (StudyArm.campaign_id == Trial.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
-        .where(Episode.id == episode_id)
+        .select_from(EpisodeRow)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(StudyTrial, StudyTrial.trial_id == TrialRow.id)
+        .join(StudyArm, (StudyArm.campaign_id == TrialRow.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
+        .where(EpisodeRow.id == episode_id)
     ).first()
     if found is None:
         return
@@ -121,8 +121,8 @@ def verdicts_by_episode(
     connection: Connection, episodes: Sequence[int] | Select[int]
 ) -> Mapping[int, Sequence[dict[str, Any]]]:
     """Return the verdicts by episode number, oldest first, in the format of the log."""
-    columns = [getattr(Verdict, name) for name in VERDICT_COLUMNS]
-    query = select(Verdict.episode_id, *columns).where(Verdict.episode_id.in_(episodes)).order_by(Verdict.id)
+    columns = [getattr(VerdictRow, name) for name in VERDICT_COLUMNS]
+    query = select(VerdictRow.episode_id, *columns).where(VerdictRow.episode_id.in_(episodes)).order_by(VerdictRow.id)
     found: dict[int, list[dict[str, Any]]] = {}
     for row in connection.execute(query).mappings():
         verdict = {**row, "created_at": row["created_at"].isoformat(timespec="microseconds")}
@@ -137,12 +137,12 @@ def measured_by_episode(
 
     These are `MEASURED_COLUMNS`, the progress and the operator.
     """
-    columns = [getattr(Episode, name) for name in MEASURED_COLUMNS]
+    columns = [getattr(EpisodeRow, name) for name in MEASURED_COLUMNS]
     query = (
-        select(Episode.id, func.coalesce(Session.operator, Process.operator).label("operator"), *columns)
-        .join(Process, Process.id == Episode.process_id)
-        .outerjoin(Session, Session.id == Episode.session_id)
-        .where(Episode.id.in_(episodes))
+        select(EpisodeRow.id, func.coalesce(SessionRow.operator, ProcessRow.operator).label("operator"), *columns)
+        .join(ProcessRow, ProcessRow.id == EpisodeRow.process_id)
+        .outerjoin(SessionRow, SessionRow.id == EpisodeRow.session_id)
+        .where(EpisodeRow.id.in_(episodes))
     )
     found: dict[int, Mapping[str, Any]] = {}
     for row in connection.execute(query).mappings():

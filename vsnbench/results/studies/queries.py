@@ -13,7 +13,17 @@ from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import columns_of_fields
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.results.schema.tables import Campaign, Episode, Model, Process, Robot, Session, Site, Trial, Verdict
+from vsnbench.results.schema.tables import (
+    CampaignRow,
+    EpisodeRow,
+    ModelRow,
+    ProcessRow,
+    RobotRow,
+    SessionRow,
+    SiteRow,
+    TrialRow,
+    VerdictRow,
+)
 from vsnbench.results.studies.entries import (
     SESSION,
     SESSION_END,
@@ -41,12 +51,12 @@ def read_study(connection: Connection, study_id: int) -> RecordedStudy:
     study = connection.execute(select(*columns_of_fields(Study, RecordedStudy)).where(Study.id == study_id))
     arms = connection.execute(
         select(
-            *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, Campaign.key.label("campaign_key")),
-            *(Model.sha256.label("model_sha256"), Model.name.label("model")),
-            *(Model.weights_label, Model.weights_sha256, Model.surveyed),
+            *(StudyArm.name, StudyArm.code, StudyArm.campaign_id, CampaignRow.key.label("campaign_key")),
+            *(ModelRow.sha256.label("model_sha256"), ModelRow.name.label("model")),
+            *(ModelRow.weights_label, ModelRow.weights_sha256, ModelRow.surveyed),
         )
-        .join(Campaign, Campaign.id == StudyArm.campaign_id)
-        .join(Model, Model.id == Campaign.model_id)
+        .join(CampaignRow, CampaignRow.id == StudyArm.campaign_id)
+        .join(ModelRow, ModelRow.id == CampaignRow.model_id)
         .where(StudyArm.study_id == study_id)
         .order_by(StudyArm.code)
     )
@@ -71,8 +81,8 @@ def study_progress(
     """
     voids, results = (
         select(func.count())
-        .select_from(Episode)
-        .where(Episode.trial_id == StudyTrial.trial_id, Episode.state.in_([state.value for state in states]))
+        .select_from(EpisodeRow)
+        .where(EpisodeRow.trial_id == StudyTrial.trial_id, EpisodeRow.state.in_([state.value for state in states]))
         .correlate(StudyTrial)
         .scalar_subquery()
         for states in ((EpisodeState.VOID,), RESULTS)
@@ -80,18 +90,18 @@ def study_progress(
     rows = connection.execute(
         select(
             *(StudyTrial.rank, StudyTrial.block, StudyArm.name),
-            *(Trial.id, Trial.campaign_id, Trial.goal, Trial.start, Trial.repetition),
-            *(Episode.id, Episode.state, SUCCESS, Episode.process_id, voids, results),
-            *(Episode.started_at, func.coalesce(Session.operator, Process.operator)),
-            *(Episode.geodesic_start_m, Episode.geodesic_end_m),
+            *(TrialRow.id, TrialRow.campaign_id, TrialRow.goal, TrialRow.start, TrialRow.repetition),
+            *(EpisodeRow.id, EpisodeRow.state, SUCCESS, EpisodeRow.process_id, voids, results),
+            *(EpisodeRow.started_at, func.coalesce(SessionRow.operator, ProcessRow.operator)),
+            *(EpisodeRow.geodesic_start_m, EpisodeRow.geodesic_end_m),
         )
         .select_from(StudyTrial)
-        .join(Trial, Trial.id == StudyTrial.trial_id)
-        .join(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
-        .outerjoin(Episode, Episode.id == first_attempt(StudyTrial.trial_id))
-        .outerjoin(Verdict, (Verdict.id == current_verdict_id(Episode.id)) & STANDS)
-        .outerjoin(Process, Process.id == Episode.process_id)
-        .outerjoin(Session, Session.id == Episode.session_id)
+        .join(TrialRow, TrialRow.id == StudyTrial.trial_id)
+        .join(StudyArm, StudyArm.campaign_id == TrialRow.campaign_id)
+        .outerjoin(EpisodeRow, EpisodeRow.id == first_attempt(StudyTrial.trial_id))
+        .outerjoin(VerdictRow, (VerdictRow.id == current_verdict_id(EpisodeRow.id)) & STANDS)
+        .outerjoin(ProcessRow, ProcessRow.id == EpisodeRow.process_id)
+        .outerjoin(SessionRow, SessionRow.id == EpisodeRow.session_id)
         .where(StudyTrial.study_id == study_id)
         .order_by(StudyTrial.rank)
     )
@@ -124,10 +134,10 @@ def trials_of(engine: Engine, study_id: int) -> tuple[StudyTrialProgress, ...]:
 def directories_of(engine: Engine, identity: str) -> tuple[str, ...]:
     """Return the image directories of all episodes of a study, also of void ones."""
     query = (
-        select(Episode.images_directory)
-        .join(StudyTrial, StudyTrial.trial_id == Episode.trial_id)
+        select(EpisodeRow.images_directory)
+        .join(StudyTrial, StudyTrial.trial_id == EpisodeRow.trial_id)
         .join(Study, Study.id == StudyTrial.study_id)
-        .where(Study.uuid == identity, Episode.images_directory != "")
+        .where(Study.uuid == identity, EpisodeRow.images_directory != "")
     )
     with transaction(reading(engine)) as connection:
         return tuple(connection.scalars(query))
@@ -137,9 +147,9 @@ def session_of_another(connection: Connection, study_id: int, process_id: int) -
     """Return a description of another live process that runs the study, or an empty string."""
     over = select(StudyEntry.process_id).where(StudyEntry.study_id == study_id, StudyEntry.kind == SESSION_END)
     rows = connection.execute(
-        select(Process)
-        .with_only_columns(*columns_of_fields(Process, ProcessIdentity), Process.operator, StudyEntry.created_at)
-        .join(StudyEntry, StudyEntry.process_id == Process.id)
+        select(ProcessRow)
+        .with_only_columns(*columns_of_fields(ProcessRow, ProcessIdentity), ProcessRow.operator, StudyEntry.created_at)
+        .join(StudyEntry, StudyEntry.process_id == ProcessRow.id)
         .where(
             StudyEntry.study_id == study_id,
             StudyEntry.kind == SESSION,
@@ -161,12 +171,12 @@ def trial_duration_s(engine: Engine, robot: str) -> tuple[float, int]:
     This includes placing and judging. Pauses of more than an hour are ignored.
     """
     query = (
-        select(Episode.process_id, Episode.ended_at)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Campaign, Campaign.id == Trial.campaign_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
-        .where(Robot.name == robot, Episode.ended_at.is_not(None), Episode.origin == "run")
-        .order_by(Episode.process_id, Episode.ended_at)
+        select(EpisodeRow.process_id, EpisodeRow.ended_at)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+        .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
+        .where(RobotRow.name == robot, EpisodeRow.ended_at.is_not(None), EpisodeRow.origin == "run")
+        .order_by(EpisodeRow.process_id, EpisodeRow.ended_at)
     )
     with transaction(reading(engine)) as connection:
         rows = [(process, ended) for process, ended in connection.execute(query) if ended is not None]
@@ -189,13 +199,13 @@ def blind_study_like(connection: Connection, plan: CampaignPlan) -> str:
     found = (
         select(Study.title)
         .join(StudyArm, StudyArm.study_id == Study.id)
-        .join(Campaign, Campaign.id == StudyArm.campaign_id)
-        .join(Site, Site.id == Campaign.site_id)
-        .join(Robot, Robot.id == Campaign.robot_id)
+        .join(CampaignRow, CampaignRow.id == StudyArm.campaign_id)
+        .join(SiteRow, SiteRow.id == CampaignRow.site_id)
+        .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
         .where(
-            *(Study.blind.is_(True), Study.unblinded_at.is_(None), Site.sha256 == plan.site.sha256),
-            *(Robot.sha256 == plan.robot.sha256, Campaign.protocol_sha256 == plan.protocol_sha256),
-            Campaign.seed == plan.seed,
+            *(Study.blind.is_(True), Study.unblinded_at.is_(None), SiteRow.sha256 == plan.site.sha256),
+            *(RobotRow.sha256 == plan.robot.sha256, CampaignRow.protocol_sha256 == plan.protocol_sha256),
+            CampaignRow.seed == plan.seed,
         )
         .limit(1)
     )
@@ -218,8 +228,8 @@ def study_of_campaign(engine: Engine, key: str) -> str:
     found = (
         select(Study.title)
         .join(StudyArm, StudyArm.study_id == Study.id)
-        .join(Campaign, Campaign.id == StudyArm.campaign_id)
-        .where(Campaign.key == key)
+        .join(CampaignRow, CampaignRow.id == StudyArm.campaign_id)
+        .where(CampaignRow.key == key)
     )
     with transaction(reading(engine)) as connection:
         return connection.execute(found).scalar() or ""

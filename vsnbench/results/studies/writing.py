@@ -10,7 +10,7 @@ from sqlalchemy import Connection, func, insert, select, update
 from vsnbench.errors import StudyError
 from vsnbench.results.schema.row_encoding import insert_row, text
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
-from vsnbench.results.schema.tables import Episode, Process
+from vsnbench.results.schema.tables import EpisodeRow, ProcessRow
 from vsnbench.results.studies.entries import AMEND, LOCK, UNBLIND, StudyChange, StudyLock
 from vsnbench.results.studies.log import ENTRY, append_event
 from vsnbench.results.studies.queries import blind_study_like
@@ -47,7 +47,7 @@ def lock_study(connection: Connection, lock: StudyLock, process_id: int) -> int:
                 f"arm {arm.name} with seed {lock.seed} already belongs to the study {taken!r}: choose another seed"
             )
         ids = [trial.id for trial in campaign.trials]
-        if begun := connection.scalar(select(func.count(Episode.id)).where(Episode.trial_id.in_(ids))):
+        if begun := connection.scalar(select(func.count(EpisodeRow.id)).where(EpisodeRow.trial_id.in_(ids))):
             raise StudyError(
                 f"arm {arm.name} has {begun} episodes of these trials from before the lock: choose another seed, or "
                 "another results directory with --results"
@@ -90,7 +90,7 @@ def add_entry(
 
     `logged` is further content for the study's log.
     """
-    author = connection.execute(select(Process.operator).where(Process.id == process_id)).scalar_one()
+    author = connection.execute(select(ProcessRow.operator).where(ProcessRow.id == process_id)).scalar_one()
     entry = {
         "created_at": datetime.now(UTC),
         "kind": kind,
@@ -135,8 +135,8 @@ def unblind_study(connection: Connection, study_id: int, process_id: int, *, rea
 
 def _results(connection: Connection, study_id: int) -> int:
     query = (
-        select(func.count(func.distinct(Episode.trial_id)))
-        .join(StudyTrial, StudyTrial.trial_id == Episode.trial_id)
-        .where(StudyTrial.study_id == study_id, Episode.state.in_([state.value for state in RESULTS]))
+        select(func.count(func.distinct(EpisodeRow.trial_id)))
+        .join(StudyTrial, StudyTrial.trial_id == EpisodeRow.trial_id)
+        .where(StudyTrial.study_id == study_id, EpisodeRow.state.in_([state.value for state in RESULTS]))
     )
     return int(connection.execute(query).scalar_one())

@@ -157,22 +157,22 @@ class CampaignProgress:
 
 def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) -> OpenCampaign:
     """Return the campaign of a plan with all requested trials."""
-    there = connection.scalar(select(tables.Campaign.id).where(tables.Campaign.key == plan.key))
+    there = connection.scalar(select(tables.CampaignRow.id).where(tables.CampaignRow.key == plan.key))
     if there is None:
         there = find_or_insert(
             connection,
-            tables.Campaign,
+            tables.CampaignRow,
             {
                 **campaign_row(plan),
-                "site_id": find_or_insert(connection, tables.Site, site_row(plan.site), "sha256"),
-                "robot_id": find_or_insert(connection, tables.Robot, robot_row(plan.robot), "sha256"),
-                "model_id": find_or_insert(connection, tables.Model, model_row(plan.model), "sha256"),
+                "site_id": find_or_insert(connection, tables.SiteRow, site_row(plan.site), "sha256"),
+                "robot_id": find_or_insert(connection, tables.RobotRow, robot_row(plan.robot), "sha256"),
+                "model_id": find_or_insert(connection, tables.ModelRow, model_row(plan.model), "sha256"),
                 "process_id": process_id,
             },
             "key",
         )
     # On a server this row serves as the lock for concurrent extensions of a plan.
-    connection.execute(select(tables.Campaign.id).where(tables.Campaign.id == there).with_for_update())
+    connection.execute(select(tables.CampaignRow.id).where(tables.CampaignRow.id == there).with_for_update())
     before = _trials(connection, there)
     goals = store_goals(connection, there, plan.site.goals, {trial.goal for trial in plan.trials})
     new = [trial for trial in plan.trials if trial not in before]
@@ -189,7 +189,7 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
 
 def _trials(connection: Connection, campaign_id: int) -> dict[Trial, Trial]:
     """Return the trials of a campaign in the database, each by what is planned of it."""
-    rows = connection.execute(select(tables.Trial).where(tables.Trial.campaign_id == campaign_id))
+    rows = connection.execute(select(tables.TrialRow).where(tables.TrialRow.campaign_id == campaign_id))
     stored = (Trial(row.goal, row.start, row.repetition, id=row.id, campaign_id=campaign_id) for row in rows)
     return {trial: trial for trial in stored}
 
@@ -198,10 +198,12 @@ def extend_plan(
     connection: Connection, campaign_id: int, new: Sequence[Trial], goals: Mapping[str, int] | None = None
 ) -> None:
     """Append new trials to the plan of a campaign, in this order; `goals` are the definitions by name."""
-    highest = connection.scalar(select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id))
+    highest = connection.scalar(
+        select(func.max(tables.TrialRow.rank)).where(tables.TrialRow.campaign_id == campaign_id)
+    )
     first = 0 if highest is None else highest + 1
     connection.execute(
-        insert_if_absent(connection, tables.Trial, ["campaign_id", "goal", "start", "repetition"]),
+        insert_if_absent(connection, tables.TrialRow, ["campaign_id", "goal", "start", "repetition"]),
         [
             {
                 "campaign_id": campaign_id,
@@ -220,19 +222,19 @@ def campaign_progress(connection: Connection, campaign: OpenCampaign, process_id
     """Return the states of the trials of an open campaign, in its order."""
     rows = connection.execute(
         select(
-            tables.Trial.id,
-            tables.Episode.id,
-            tables.Episode.state,
+            tables.TrialRow.id,
+            tables.EpisodeRow.id,
+            tables.EpisodeRow.state,
             SUCCESS,
-            tables.Episode.process_id,
-            tables.Process.pid,
-            tables.Process.host,
+            tables.EpisodeRow.process_id,
+            tables.ProcessRow.pid,
+            tables.ProcessRow.host,
         )
-        .select_from(tables.Trial)
-        .join(tables.Episode, tables.Episode.id == first_attempt(tables.Trial.id))
-        .join(tables.Process, tables.Process.id == tables.Episode.process_id)
-        .outerjoin(tables.Verdict, tables.Verdict.id == current_verdict_id(tables.Episode.id))
-        .where(tables.Trial.campaign_id == campaign.id)
+        .select_from(tables.TrialRow)
+        .join(tables.EpisodeRow, tables.EpisodeRow.id == first_attempt(tables.TrialRow.id))
+        .join(tables.ProcessRow, tables.ProcessRow.id == tables.EpisodeRow.process_id)
+        .outerjoin(tables.VerdictRow, tables.VerdictRow.id == current_verdict_id(tables.EpisodeRow.id))
+        .where(tables.TrialRow.campaign_id == campaign.id)
     )
     taken = {
         trial: (episode, EpisodeState(state), success, at == process_id, f"process {pid} on {host}")

@@ -30,7 +30,7 @@ from vsnbench.results.schema.engine import opened_engine, transaction
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import event_row, parts
 from vsnbench.results.schema.study_tables import StudyArm
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Step, Trial, Verdict
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, StepRow, TrialRow, VerdictRow
 from vsnbench.results.writing.episodes import images_directory
 from vsnbench.results.writing.lifecycle import ACTIVE
 
@@ -63,16 +63,16 @@ def plan_deletion(connection: Connection, episodes: Collection[int], campaigns: 
         UsageError: something does not exist, belongs to a study, or runs.
         RecordError: an episode names files that are not its own.
     """
-    for kind, table, numbers in (("episode", Episode, episodes), ("campaign", Campaign, campaigns)):
+    for kind, table, numbers in (("episode", EpisodeRow, episodes), ("campaign", CampaignRow, campaigns)):
         known = set(connection.scalars(select(table.id).where(table.id.in_(list(numbers)))))
         if missing := sorted(set(numbers) - known):
             raise UsageError(f"{kind} {missing[0]} does not exist", advice="nothing was deleted")
     rows = connection.execute(
-        select(Episode.id, Episode.uuid, Episode.state, Episode.images_directory, StudyArm.study_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .outerjoin(StudyArm, StudyArm.campaign_id == Trial.campaign_id)
-        .where(Episode.id.in_(list(episodes)) | Trial.campaign_id.in_(list(campaigns)))
-        .order_by(Episode.id)
+        select(EpisodeRow.id, EpisodeRow.uuid, EpisodeRow.state, EpisodeRow.images_directory, StudyArm.study_id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .outerjoin(StudyArm, StudyArm.campaign_id == TrialRow.campaign_id)
+        .where(EpisodeRow.id.in_(list(episodes)) | TrialRow.campaign_id.in_(list(campaigns)))
+        .order_by(EpisodeRow.id)
     ).all()
     in_study = select(StudyArm.study_id).where(StudyArm.campaign_id.in_(list(campaigns)))
     if any(row.study_id is not None for row in rows) or connection.scalar(in_study) is not None:
@@ -238,9 +238,9 @@ def _list_unfinished(results: ResultsDirectory, aside: Path, plan: Deletion) -> 
 def _finish(results: ResultsDirectory, aside: Path, plan: Deletion) -> bool:
     """Move the files of a deletion whose rows are gone, or remove what was written for another; return which."""
     with opened_engine(results.database_url, read_only=True) as engine, transaction(engine) as connection:
-        rows = connection.execute(select(Episode.uuid, Episode.images_directory))
+        rows = connection.execute(select(EpisodeRow.uuid, EpisodeRow.images_directory))
         recorded = {row.uuid: row.images_directory for row in rows}
-        campaigns = set(connection.scalars(select(Campaign.id)))
+        campaigns = set(connection.scalars(select(CampaignRow.id)))
     if not recorded.keys().isdisjoint(plan.uuids) or (not plan.uuids and not campaigns.isdisjoint(plan.campaigns)):
         with suppress(OSError):
             if (aside / "episodes").exists():  # it did happen, and the record was restored
@@ -300,16 +300,22 @@ def _backup_name(results: ResultsDirectory) -> str:
 
 
 def _delete(connection: Connection, plan: Deletion, *, author: str, reason: str) -> None:
-    what = _named(connection, Campaign.id, Campaign.key, "campaign", plan.campaigns)
-    what += _named(connection, Episode.id, Episode.uuid, "episode", plan.episodes)
+    what = _named(connection, CampaignRow.id, CampaignRow.key, "campaign", plan.campaigns)
+    what += _named(connection, EpisodeRow.id, EpisodeRow.uuid, "episode", plan.episodes)
     for some in parts(plan.episodes):
-        for column in (Step.episode_id, Verdict.episode_id, Placement.episode_id, Event.episode_id, Episode.id):
+        for column in (
+            StepRow.episode_id,
+            VerdictRow.episode_id,
+            Placement.episode_id,
+            EventRow.episode_id,
+            EpisodeRow.id,
+        ):
             connection.execute(delete(column.class_).where(column.in_(some)))
     if plan.campaigns:
-        for column in (Event.campaign_id, Trial.campaign_id, Campaign.id):
+        for column in (EventRow.campaign_id, TrialRow.campaign_id, CampaignRow.id):
             connection.execute(delete(column.class_).where(column.in_(plan.campaigns)))
     if what:
-        connection.execute(insert(Event), [event_row(DELETED, f"{line}: {reason}", author=author) for line in what])
+        connection.execute(insert(EventRow), [event_row(DELETED, f"{line}: {reason}", author=author) for line in what])
 
 
 def _named(connection: Connection, number: Any, identity: Any, kind: str, numbers: Collection[int]) -> list[str]:

@@ -23,8 +23,7 @@ from vsnbench.results.schema.row_encoding import (
     pose_columns,
     verdict_row,
 )
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Trial
-from vsnbench.results.schema.tables import Verdict as VerdictTable
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, TrialRow, VerdictRow
 from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.writing.campaigns import Trial as KnownTrial
 from vsnbench.results.writing.campaigns import trial_seed
@@ -172,7 +171,7 @@ class EpisodeWriter:
             advance(connection, episode_id, EpisodeState.AWAITING, from_states=(EpisodeState.JUDGED, EpisodeState.VOID))
             require_unchanged_judgement(connection, episode_id, seen)
             event = event_row(RETRACTED, "the judgement was a slip", author=author, episode_id=episode_id)
-            connection.execute(insert(Event), event)
+            connection.execute(insert(EventRow), event)
             log_outcome(connection, episode_id)
 
 
@@ -184,7 +183,7 @@ def images_directory(episode_id: int) -> str:
 def attach_images(connection: Connection, episode_id: int) -> str:
     """Record that an episode has images, and return their directory relative to the results directory."""
     directory = images_directory(episode_id)
-    connection.execute(update(Episode).where(Episode.id == episode_id).values(images_directory=directory))
+    connection.execute(update(EpisodeRow).where(EpisodeRow.id == episode_id).values(images_directory=directory))
     return directory
 
 
@@ -198,10 +197,10 @@ def claim_first(connection: Connection, process_id: int, campaign_id: int, trial
         # On a server this row lock keeps two processes from claiming the same trial; locked rows are skipped
         # instead of waited for.
         row = connection.execute(
-            select(Trial.id, Trial.goal, Trial.start, Trial.repetition, Campaign.seed)
-            .join(Campaign, Campaign.id == Trial.campaign_id)
-            .where(Trial.id == trial_id)
-            .with_for_update(of=Trial, skip_locked=True)
+            select(TrialRow.id, TrialRow.goal, TrialRow.start, TrialRow.repetition, CampaignRow.seed)
+            .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+            .where(TrialRow.id == trial_id)
+            .with_for_update(of=TrialRow, skip_locked=True)
         ).first()
         if row is None or connection.execute(_TAKEN, {"trial": trial_id}).first() is not None:
             continue
@@ -214,8 +213,8 @@ _TAKEN = episodes_holding_trial(bindparam("trial")).limit(1)
 
 
 def _free(connection: Connection, campaign_id: int) -> Collection[int]:
-    left = select(Trial.id).where(
-        Trial.campaign_id == campaign_id, ~episodes_holding_trial(Trial.id).correlate(Trial).exists()
+    left = select(TrialRow.id).where(
+        TrialRow.campaign_id == campaign_id, ~episodes_holding_trial(TrialRow.id).correlate(TrialRow).exists()
     )
     return set(connection.scalars(left))
 
@@ -224,7 +223,7 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
     identity = str(uuid.uuid4())
     episode_id = insert_row(
         connection,
-        Episode,
+        EpisodeRow,
         {
             "uuid": identity,
             "trial_id": trial.id,
@@ -240,22 +239,24 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
     )
     directory = images_directory(episode_id)
     held = {"images_directory": directory, "lease_until": lease(connection)}
-    connection.execute(update(Episode).where(Episode.id == episode_id).values(held))
+    connection.execute(update(EpisodeRow).where(EpisodeRow.id == episode_id).values(held))
     return Claim(episode_id, identity, trial, seed, directory)
 
 
 def release(connection: Connection, episode_id: int) -> bool:
     """Delete a claim that has not begun and record its number as released; False if the episode has begun."""
-    unbegun = [Episode.id == episode_id, Episode.state.in_([state.value for state in NOT_STARTED])]
-    if connection.execute(select(Episode.id).where(*unbegun).with_for_update()).first() is None:
+    unbegun = [EpisodeRow.id == episode_id, EpisodeRow.state.in_([state.value for state in NOT_STARTED])]
+    if connection.execute(select(EpisodeRow.id).where(*unbegun).with_for_update()).first() is None:
         return False
-    connection.execute(delete(Event).where(Event.episode_id == episode_id))
+    connection.execute(delete(EventRow).where(EventRow.episode_id == episode_id))
     connection.execute(insert(ReleasedClaim), {"number": episode_id, "released_at": datetime.now(UTC)})
-    return connection.execute(delete(Episode).where(*unbegun)).rowcount == 1
+    return connection.execute(delete(EpisodeRow).where(*unbegun)).rowcount == 1
 
 
-_MINE = update(Episode).where(
-    Episode.id == bindparam("episode"), Episode.process_id == bindparam("process"), Episode.end_reason.is_(None)
+_MINE = update(EpisodeRow).where(
+    EpisodeRow.id == bindparam("episode"),
+    EpisodeRow.process_id == bindparam("process"),
+    EpisodeRow.end_reason.is_(None),
 )
 
 
@@ -280,4 +281,4 @@ def write_end(connection: Connection, process_id: int, episode_id: int, end: Epi
     if not end.unjudged:
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
-        connection.execute(insert(VerdictTable), row)
+        connection.execute(insert(VerdictRow), row)

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, insert, select
 from vsnbench.errors import UsageError
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.schema.row_encoding import insert_row, number
-from vsnbench.results.schema.tables import Campaign, Episode, Robot, Step, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow, TrialRow
 from vsnbench.results.writing import campaigns
 from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.entries import EpisodeEnd
@@ -59,7 +59,7 @@ def import_episodes(
     for trial, given in zip(campaign.trials, episodes, strict=True):
         episode_id = insert_row(
             connection,
-            Episode,
+            EpisodeRow,
             {
                 "uuid": given.uuid,
                 "trial_id": trial.id,
@@ -77,7 +77,7 @@ def import_episodes(
         if given.has_images and place_files:
             place_files(given.uuid, attach_images(connection, episode_id))
         if given.steps:
-            connection.execute(insert(Step), [step_row(episode_id, step) for step in given.steps])
+            connection.execute(insert(StepRow), [step_row(episode_id, step) for step in given.steps])
         end_episode(connection, process_id, episode_id, given.end)
         if given.judged is not None:
             judge(connection, episode_id, given.judged, author=given.author, source="import")
@@ -88,7 +88,9 @@ def import_episodes(
 def withdraw(connection: Connection, campaign_id: int, *, author: str, note: str) -> int:
     """Void an import's episodes within a transaction; see `Journal.withdraw_import`."""
     kind = connection.execute(
-        select(Robot.kind).join(Campaign, Campaign.robot_id == Robot.id).where(Campaign.id == campaign_id)
+        select(RobotRow.kind)
+        .join(CampaignRow, CampaignRow.robot_id == RobotRow.id)
+        .where(CampaignRow.id == campaign_id)
     ).scalar()
     if kind is None:
         raise UsageError(f"campaign {campaign_id} does not exist", advice="`vsnbench db status` lists the campaigns")
@@ -98,9 +100,9 @@ def withdraw(connection: Connection, campaign_id: int, *, author: str, note: str
             advice="`vsnbench judge N --void WHY` voids one of its episodes",
         )
     numbers = connection.scalars(
-        select(Episode.id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Trial.campaign_id == campaign_id, Episode.state.in_([state.value for state in RESULTS]))
+        select(EpisodeRow.id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .where(TrialRow.campaign_id == campaign_id, EpisodeRow.state.in_([state.value for state in RESULTS]))
     ).all()
     void = Verdict(EndReason.ABORTED, None, "void: the import was withdrawn")
     for episode_id in numbers:

@@ -13,7 +13,7 @@ from vsnbench.results.merging.plan import MergePlan, plan_merge
 from vsnbench.results.schema.engine import LockWait, open_engine, reading, transaction
 from vsnbench.results.schema.migrate import create_record, upgrade
 from vsnbench.results.schema.row_encoding import event_row, insert_row, process_row, text
-from vsnbench.results.schema.tables import Event, Process
+from vsnbench.results.schema.tables import EventRow, ProcessRow
 from vsnbench.results.second_judgements import Outcome, add_second_judgement, retract_second_judgement
 from vsnbench.results.studies import writing
 from vsnbench.results.studies.entries import RecordedStudy, StudyChange, StudyLock, StudyTrialProgress
@@ -71,7 +71,7 @@ class Journal(EpisodeWriter):
         try:
             upgrade(engine)
             with transaction(engine) as connection:
-                process_id = insert_row(connection, Process, process_row(provenance or gather_provenance()))
+                process_id = insert_row(connection, ProcessRow, process_row(provenance or gather_provenance()))
             journal = cls(engine, process_id, patience=patience)
             journal.recovered = journal.recover()
         except BaseException:
@@ -190,7 +190,7 @@ class Journal(EpisodeWriter):
         """Record an event that is not a step, with its author if there is one."""
         where = {"campaign_id": campaign_id, "episode_id": episode_id, "step_number": step_number}
         with transaction(self.engine) as connection:
-            connection.execute(insert(Event), event_row(kind, words, author=author, **where))
+            connection.execute(insert(EventRow), event_row(kind, words, author=author, **where))
 
     def annotate(self, episode_ids: Collection[int], annotation: Annotation, *, author: str) -> None:
         """Append a note and changed tags to episodes: all or nothing. No verdict changes.

@@ -6,8 +6,7 @@ from vsnbench.errors import JudgedMeanwhileError, UsageError
 from vsnbench.protocol.judge import Verdict
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import verdict_row
-from vsnbench.results.schema.tables import Episode
-from vsnbench.results.schema.tables import Verdict as VerdictTable
+from vsnbench.results.schema.tables import EpisodeRow, VerdictRow
 from vsnbench.results.studies.log import log_outcome
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState, advance
 
@@ -21,8 +20,8 @@ def require_unchanged_judgement(connection: Connection, episode_id: int, seen: i
     Raises:
         JudgedMeanwhileError: there are newer verdicts.
     """
-    query = select(VerdictTable.author, VerdictTable.reason).where(VerdictTable.episode_id == episode_id)
-    found = connection.execute(query.order_by(VerdictTable.id)).all()
+    query = select(VerdictRow.author, VerdictRow.reason).where(VerdictRow.episode_id == episode_id)
+    found = connection.execute(query.order_by(VerdictRow.id)).all()
     if len(found) != seen:
         last = found[-1] if found else None
         latest = f"{last.author} judged it meanwhile: {last.reason}" if last else "it has no verdict"
@@ -45,7 +44,7 @@ def judge(
     if seen is not None:
         require_unchanged_judgement(connection, episode_id, seen)
     row = verdict_row(episode_id, verdict, author=author, source=source, note=note)
-    connection.execute(insert(VerdictTable), row)
+    connection.execute(insert(VerdictRow), row)
     log_outcome(connection, episode_id)
 
 
@@ -57,7 +56,7 @@ def trial_of(engine: Engine, episode_id: int) -> int:
         RecordError: the database cannot be read.
     """
     with transaction(reading(engine)) as connection:
-        found = connection.scalar(select(Episode.trial_id).where(Episode.id == episode_id))
+        found = connection.scalar(select(EpisodeRow.trial_id).where(EpisodeRow.id == episode_id))
     if found is None:
         raise UsageError(f"episode {episode_id} does not exist", advice="`vsnbench episodes list` lists the episodes")
     return int(found)

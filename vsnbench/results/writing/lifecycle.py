@@ -17,7 +17,7 @@ from typing import Any
 from sqlalchemy import Connection, DateTime, Engine, func, select, update
 
 from vsnbench.errors import EpisodeClosedError, UsageError
-from vsnbench.results.schema.tables import Episode, Process
+from vsnbench.results.schema.tables import EpisodeRow, ProcessRow
 
 
 class EpisodeState(StrEnum):
@@ -97,21 +97,21 @@ def advance(
         EpisodeClosedError: the transition is not allowed, or another process has the episode.
     """
     before = tuple(from_states) or PREVIOUS_STATES[to]
-    wanted = [Episode.id == episode_id, Episode.state.in_([state.value for state in before])]
+    wanted = [EpisodeRow.id == episode_id, EpisodeRow.state.in_([state.value for state in before])]
     if process_id is not None:
-        wanted.append(Episode.process_id == process_id)
+        wanted.append(EpisodeRow.process_id == process_id)
     if to in ENDED:
         values["lease_until"] = None
-    moved = connection.execute(update(Episode).where(*wanted).values(state=to.value, **values))
+    moved = connection.execute(update(EpisodeRow).where(*wanted).values(state=to.value, **values))
     if moved.rowcount != 1:
         raise _refusal(connection, episode_id, to)
 
 
 def _refusal(connection: Connection, episode_id: int, to: EpisodeState) -> EpisodeClosedError | UsageError:
     found = connection.execute(
-        select(Episode.state, Episode.end_reason, Process.pid, Process.host)
-        .join(Process, Process.id == Episode.process_id)
-        .where(Episode.id == episode_id)
+        select(EpisodeRow.state, EpisodeRow.end_reason, ProcessRow.pid, ProcessRow.host)
+        .join(ProcessRow, ProcessRow.id == EpisodeRow.process_id)
+        .where(EpisodeRow.id == episode_id)
     ).first()
     if found is None:
         return UsageError(f"episode {episode_id} does not exist", advice="`vsnbench episodes list` lists the episodes")

@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import Connection, select
 
 from vsnbench.results.reading.read_model import CODE
-from vsnbench.results.schema.tables import Campaign, Model
+from vsnbench.results.schema.tables import CampaignRow, ModelRow
 from vsnbench.results.writing.campaigns import card_of_row
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.model.card import ModelCard
@@ -31,10 +31,10 @@ def differences(old: ModelCard, new: ModelCard) -> tuple[str, ...]:
 def last_of_its_name(connection: Connection, name: str, campaign_id: int) -> tuple[int, ModelCard] | None:
     """Return the newest earlier campaign of a model of this name, and its model; None if there is none."""
     row = connection.execute(
-        select(Model.__table__, Campaign.id.label("campaign_id"))
-        .join(Campaign, Campaign.model_id == Model.id)
-        .where(Model.name == name, Campaign.id < campaign_id, CODE.is_(None))  # blinded arms are left out
-        .order_by(Campaign.id.desc())
+        select(ModelRow.__table__, CampaignRow.id.label("campaign_id"))
+        .join(CampaignRow, CampaignRow.model_id == ModelRow.id)
+        .where(ModelRow.name == name, CampaignRow.id < campaign_id, CODE.is_(None))  # blinded arms are left out
+        .order_by(CampaignRow.id.desc())
         .limit(1)
     ).first()
     return None if row is None else (row.campaign_id, card_of_row(row))

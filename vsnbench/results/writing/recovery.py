@@ -12,8 +12,7 @@ from sqlalchemy import Connection, Engine, Row, Select, func, insert, inspect, s
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import columns_of_fields, event_row, verdict_row
-from vsnbench.results.schema.tables import Episode, Event, Process, Session, Step, Trial
-from vsnbench.results.schema.tables import Verdict as VerdictTable
+from vsnbench.results.schema.tables import EpisodeRow, EventRow, ProcessRow, SessionRow, StepRow, TrialRow, VerdictRow
 from vsnbench.results.writing.entries import RecoveredEpisode
 from vsnbench.results.writing.episodes import NOT_STARTED, release
 from vsnbench.results.writing.lifecycle import ACTIVE, LEASE, EpisodeState, moment
@@ -42,7 +41,9 @@ def lost_episodes(engine: Engine) -> frozenset[int]:
 def orphaned_sessions(connection: Connection, here: ProcessIdentity) -> list[int]:
     """Return the numbers of open sessions whose process is known to be dead."""
     rows = connection.execute(
-        select(Session.id, *_IDENTITY).join(Process, Process.id == Session.process_id).where(Session.ended_at.is_(None))
+        select(SessionRow.id, *_IDENTITY)
+        .join(ProcessRow, ProcessRow.id == SessionRow.process_id)
+        .where(SessionRow.ended_at.is_(None))
     )
     return [row.id for row in rows if _is_running(row, here, connection.dialect.name) is False]
 
@@ -54,7 +55,7 @@ def live_writers(connection: Connection, here: ProcessIdentity) -> str:
     """
     dialect = connection.dialect.name
     unknown = set()
-    for row in connection.execute(select(Process.id, Process.command, *_IDENTITY).order_by(Process.id.desc())):
+    for row in connection.execute(select(ProcessRow.id, ProcessRow.command, *_IDENTITY).order_by(ProcessRow.id.desc())):
         alive = _is_running(row, here, dialect)
         if alive and row.pid != here.pid:
             command = textwrap.shorten(sanitize(row.command), 60, placeholder=" …")
@@ -63,8 +64,8 @@ def live_writers(connection: Connection, here: ProcessIdentity) -> str:
             unknown.add(row.id)
     if not unknown or "lease_until" not in {column["name"] for column in inspect(connection).get_columns("episode")}:
         return ""
-    held = select(Episode.id, Episode.process_id).where(
-        Episode.state.in_([state.value for state in ACTIVE]), Episode.lease_until > moment(connection)
+    held = select(EpisodeRow.id, EpisodeRow.process_id).where(
+        EpisodeRow.state.in_([state.value for state in ACTIVE]), EpisodeRow.lease_until > moment(connection)
     )
     return next((f"episode {row.id}" for row in connection.execute(held) if row.process_id in unknown), "")
 
@@ -76,8 +77,8 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
         return None
     ended_at = row.last_step_at or row.started_at
     closed = connection.execute(
-        update(Episode)
-        .where(Episode.id == row.id, Episode.state == EpisodeState.RUNNING.value)
+        update(EpisodeRow)
+        .where(EpisodeRow.id == row.id, EpisodeRow.state == EpisodeState.RUNNING.value)
         .values(
             state=EpisodeState.VOID.value,
             lease_until=None,
@@ -94,23 +95,23 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
     if closed.rowcount != 1:
         return None
     void = Verdict(EndReason.INTERRUPTED, None, "void: the process died; the trial must be repeated")
-    connection.execute(insert(VerdictTable), verdict_row(row.id, void, author="vsnbench", source="recovery"))
+    connection.execute(insert(VerdictRow), verdict_row(row.id, void, author="vsnbench", source="recovery"))
     words = f"process {row.pid} on {row.host} died after {row.steps} recorded steps"
-    connection.execute(insert(Event), event_row("recovered", words, episode_id=row.id, campaign_id=row.campaign_id))
+    connection.execute(insert(EventRow), event_row("recovered", words, episode_id=row.id, campaign_id=row.campaign_id))
     return RecoveredEpisode(row.id, row.steps, row.images_directory)
 
 
 def interrupted(connection: Connection) -> tuple[RecoveredEpisode, ...]:
     """Return the episodes that ended because their process died."""
     rows = connection.execute(
-        select(Episode.id, Episode.actions, Episode.images_directory).where(
-            Episode.end_reason == EndReason.INTERRUPTED.value, Episode.images_directory != ""
+        select(EpisodeRow.id, EpisodeRow.actions, EpisodeRow.images_directory).where(
+            EpisodeRow.end_reason == EndReason.INTERRUPTED.value, EpisodeRow.images_directory != ""
         )
     )
     return tuple(RecoveredEpisode(*row) for row in rows)
 
 
-_IDENTITY = columns_of_fields(Process, ProcessIdentity)
+_IDENTITY = columns_of_fields(ProcessRow, ProcessIdentity)
 
 
 def _open_episodes() -> Select[*tuple[Any, ...]]:
@@ -118,35 +119,35 @@ def _open_episodes() -> Select[*tuple[Any, ...]]:
     steps = (
         select(
             func.count().label("steps"),
-            func.max(Step.recorded_at, type_=Step.recorded_at.type).label("last_step_at"),
-            func.sum(func.abs(Step.displacement_m)).label("path_length_m"),
-            func.sum(Step.duration_s).label("duration_s"),
-            Step.episode_id,
+            func.max(StepRow.recorded_at, type_=StepRow.recorded_at.type).label("last_step_at"),
+            func.sum(func.abs(StepRow.displacement_m)).label("path_length_m"),
+            func.sum(StepRow.duration_s).label("duration_s"),
+            StepRow.episode_id,
         )
-        .join(Episode, Episode.id == Step.episode_id)
-        .where(Episode.state.in_(active))
-        .group_by(Step.episode_id)
+        .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
+        .where(EpisodeRow.state.in_(active))
+        .group_by(StepRow.episode_id)
         .subquery()
     )
     return (
         select(
-            Episode.id,
-            Episode.state,
-            Episode.started_at,
-            Episode.lease_until,
-            Episode.images_directory,
-            Trial.campaign_id,
+            EpisodeRow.id,
+            EpisodeRow.state,
+            EpisodeRow.started_at,
+            EpisodeRow.lease_until,
+            EpisodeRow.images_directory,
+            TrialRow.campaign_id,
             *_IDENTITY,
             func.coalesce(steps.c.steps, 0).label("steps"),
             steps.c.last_step_at,
             steps.c.path_length_m,
             steps.c.duration_s,
         )
-        .join(Trial, Trial.id == Episode.trial_id)
-        .join(Process, Process.id == Episode.process_id)
-        .outerjoin(steps, steps.c.episode_id == Episode.id)
-        .where(Episode.state.in_(active))
-        .order_by(Episode.id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .join(ProcessRow, ProcessRow.id == EpisodeRow.process_id)
+        .outerjoin(steps, steps.c.episode_id == EpisodeRow.id)
+        .where(EpisodeRow.state.in_(active))
+        .order_by(EpisodeRow.id)
     )
 
 

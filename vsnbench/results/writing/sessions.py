@@ -15,7 +15,7 @@ from vsnbench.results.fields import fields_of, quantity
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row, text
-from vsnbench.results.schema.tables import Campaign, Episode, Event, Session, Trial
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, SessionRow, TrialRow
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.results.writing.lifecycle import ACTIVE
 from vsnbench.values.fix import Fix, PoseSource
@@ -27,11 +27,11 @@ from vsnbench.values.pose import Pose
 class RecordedSession:
     """The session of an episode."""
 
-    uuid: str = quantity("identity of the session in every record", Session.uuid)
-    operator: str = quantity("name of the operator", Session.operator)
-    began_at: datetime = quantity("time of its beginning", Session.began_at)
-    ended_at: datetime | None = quantity("time of its end", Session.ended_at, absent="while it is open")
-    words: str = quantity("why it ended; empty if the operator left", Session.words)
+    uuid: str = quantity("identity of the session in every record", SessionRow.uuid)
+    operator: str = quantity("name of the operator", SessionRow.operator)
+    began_at: datetime = quantity("time of its beginning", SessionRow.began_at)
+    ended_at: datetime | None = quantity("time of its end", SessionRow.ended_at, absent="while it is open")
+    words: str = quantity("why it ended; empty if the operator left", SessionRow.words)
 
 
 _SESSION = fields_of(RecordedSession)
@@ -58,49 +58,51 @@ class RecordedPlacement:
 
 def join_session(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:
     """Assign an active episode of this process to its operator's session, which is started if needed."""
-    mine = Episode.id == episode_id, Episode.process_id == process_id
-    active = Episode.state.in_([state.value for state in ACTIVE])
+    mine = EpisodeRow.id == episode_id, EpisodeRow.process_id == process_id
+    active = EpisodeRow.state.in_([state.value for state in ACTIVE])
     robot_id = connection.scalar(
-        select(Campaign.robot_id)
-        .join(Trial, Trial.campaign_id == Campaign.id)
-        .join(Episode, Episode.trial_id == Trial.id)
+        select(CampaignRow.robot_id)
+        .join(TrialRow, TrialRow.campaign_id == CampaignRow.id)
+        .join(EpisodeRow, EpisodeRow.trial_id == TrialRow.id)
         .where(*mine, active)
     )
     if robot_id is None:
         return  # the claim is lost; the next step reports it
     operator = text(operator)
-    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
-    own = Session.operator == operator, Session.robot_id == robot_id
-    session_id = connection.scalar(select(Session.id).where(*lasting, *own))
+    lasting = SessionRow.process_id == process_id, SessionRow.ended_at.is_(None)
+    own = SessionRow.operator == operator, SessionRow.robot_id == robot_id
+    session_id = connection.scalar(select(SessionRow.id).where(*lasting, *own))
     if session_id is None:
         end_sessions(connection, process_id, f"{operator} took over")
         now = datetime.now(UTC)
         row = {"process_id": process_id, "robot_id": robot_id, "operator": operator, "began_at": now, "words": ""}
-        session_id = insert_row(connection, Session, {"uuid": str(uuid.uuid4()), **row})
-    connection.execute(update(Episode).where(*mine).values(session_id=session_id))
+        session_id = insert_row(connection, SessionRow, {"uuid": str(uuid.uuid4()), **row})
+    connection.execute(update(EpisodeRow).where(*mine).values(session_id=session_id))
 
 
 def end_sessions(connection: Connection, process_id: int, words: str = "") -> None:
     """End the open sessions of a process."""
-    lasting = Session.process_id == process_id, Session.ended_at.is_(None)
-    connection.execute(update(Session).where(*lasting).values(ended_at=datetime.now(UTC), words=text(words)))
+    lasting = SessionRow.process_id == process_id, SessionRow.ended_at.is_(None)
+    connection.execute(update(SessionRow).where(*lasting).values(ended_at=datetime.now(UTC), words=text(words)))
 
 
 def end_orphaned_session(connection: Connection, session_id: int) -> None:
     """End a session whose process has died, at its last recorded activity."""
-    last = select(func.max(func.coalesce(Episode.ended_at, Episode.started_at), type_=Episode.started_at.type))
-    died_at = connection.scalar(last.where(Episode.session_id == session_id))
+    last = select(func.max(func.coalesce(EpisodeRow.ended_at, EpisodeRow.started_at), type_=EpisodeRow.started_at.type))
+    died_at = connection.scalar(last.where(EpisodeRow.session_id == session_id))
     connection.execute(
-        update(Session)
-        .where(Session.id == session_id, Session.ended_at.is_(None))
-        .values(ended_at=Session.began_at if died_at is None else died_at, words="its process died")
+        update(SessionRow)
+        .where(SessionRow.id == session_id, SessionRow.ended_at.is_(None))
+        .values(ended_at=SessionRow.began_at if died_at is None else died_at, words="its process died")
     )
 
 
 def session_of(connection: Connection, episode_id: int) -> RecordedSession | None:
     """Return the session of an episode; None without an operator."""
     row = connection.execute(
-        select(*_SESSION.columns()).join(Episode, Episode.session_id == Session.id).where(Episode.id == episode_id)
+        select(*_SESSION.columns())
+        .join(EpisodeRow, EpisodeRow.session_id == SessionRow.id)
+        .where(EpisodeRow.id == episode_id)
     ).first()
     return None if row is None else next(_SESSION.read(RecordedSession, [row]))
 
@@ -134,10 +136,10 @@ def interventions_in(engine: Engine, campaigns: Sequence[int]) -> int:
         RecordError: the database cannot be read.
     """
     query = (
-        select(func.count(Event.id))
-        .join(Episode, Episode.id == Event.episode_id)
-        .join(Trial, Trial.id == Episode.trial_id)
-        .where(Event.kind == INTERVENTION, Trial.campaign_id.in_(campaigns))
+        select(func.count(EventRow.id))
+        .join(EpisodeRow, EpisodeRow.id == EventRow.episode_id)
+        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+        .where(EventRow.kind == INTERVENTION, TrialRow.campaign_id.in_(campaigns))
     )
     with transaction(reading(engine)) as connection:
         return int(connection.scalar(query) or 0)
@@ -147,16 +149,16 @@ def session_row(connection: Connection, session_id: int | None) -> Row | None:
     """Return the content of a session without foreign keys; None for None."""
     if session_id is None:
         return None
-    query = select(*_SESSION.columns()).where(Session.id == session_id)
+    query = select(*_SESSION.columns()).where(SessionRow.id == session_id)
     return dict(connection.execute(query).mappings().one())
 
 
 def find_or_insert_session(connection: Connection, row: Row, process_id: int, robot_id: int) -> int:
     """Return the number of another record's session; a copy of an open session is updated with its end."""
-    known = connection.execute(select(Session.id, Session.ended_at).where(Session.uuid == row["uuid"])).first()
+    known = connection.execute(select(SessionRow.id, SessionRow.ended_at).where(SessionRow.uuid == row["uuid"])).first()
     if known is None:
-        return insert_row(connection, Session, {**row, "process_id": process_id, "robot_id": robot_id})
+        return insert_row(connection, SessionRow, {**row, "process_id": process_id, "robot_id": robot_id})
     if known.ended_at is None and row["ended_at"] is not None:
         ended = {"ended_at": row["ended_at"], "words": row["words"]}
-        connection.execute(update(Session).where(Session.id == known.id).values(ended))
+        connection.execute(update(SessionRow).where(SessionRow.id == known.id).values(ended))
     return int(known.id)

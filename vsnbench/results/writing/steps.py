@@ -29,7 +29,7 @@ from sqlalchemy.sql.dml import UpdateBase
 
 from vsnbench.results.schema.engine import transaction
 from vsnbench.results.schema.row_encoding import Row, fix_of_columns, number, pose_columns, pose_of_columns, text
-from vsnbench.results.schema.tables import Episode, Step
+from vsnbench.results.schema.tables import EpisodeRow, StepRow
 from vsnbench.results.writing.lifecycle import LEASE, EpisodeState, lease
 from vsnbench.values.action import Action
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
@@ -91,20 +91,22 @@ class StepStatements:
         until = lease(engine)  # on a server an expression of the statement
         self._tells_time = isinstance(until, datetime)
         runs_here = (
-            Episode.id == bindparam("episode_id"),
-            Episode.process_id == bindparam("process"),
-            Episode.end_reason.is_(None),
-            Episode.state == EpisodeState.RUNNING.value,
+            EpisodeRow.id == bindparam("episode_id"),
+            EpisodeRow.process_id == bindparam("process"),
+            EpisodeRow.end_reason.is_(None),
+            EpisodeRow.state == EpisodeState.RUNNING.value,
         )
-        sign = update(Episode).where(*runs_here).values(lease_until=bindparam("until") if self._tells_time else until)
+        sign = (
+            update(EpisodeRow).where(*runs_here).values(lease_until=bindparam("until") if self._tells_time else until)
+        )
         self._sign_of_life = DriverStatement.of(sign, engine.dialect)
-        columns = Step.__table__.columns
+        columns = StepRow.__table__.columns
         names = [column.name for column in columns]
-        self._insert = DriverStatement.of(insert(Step).inline(), engine.dialect, names)
+        self._insert = DriverStatement.of(insert(StepRow).inline(), engine.dialect, names)
         row = select(*(bindparam(column.name, type_=column.type) for column in columns))
-        running = select(Episode.id).where(*runs_here)
+        running = select(EpisodeRow.id).where(*runs_here)
         self._insert_where_it_runs = DriverStatement.of(
-            insert(Step).from_select(names, row.where(running.exists())), engine.dialect
+            insert(StepRow).from_select(names, row.where(running.exists())), engine.dialect
         )
         self._one_at_a_time = threading.Lock()
         self._pooled: PoolProxiedConnection | None = None
@@ -182,7 +184,7 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "action": step.action.value,
         "blocked": step.blocked,
         "completed": result is not None and result.completed,
-        "failure": text(result.blocked or result.failure) if result else "",
+        "failure": text(result.failure) if result else "",
         "recorded_at": step.recorded_at or datetime.now(UTC),
         "stamp_s": number(step.stamp_s),
         **pose_columns("observed", step.observed),
@@ -205,13 +207,14 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "probabilities": dict(step.probabilities) or None,
         "details": dict(step.details) or None,
         "movement": _movement_json(step),
+        "refusal": text(step.refusal or (result.blocked if result else "")),
     }
 
 
 def thinking_s(episode_id: int) -> ScalarSelect[float | None]:
     """Select the sum of the inference times of an episode's steps; NULL if a step has none."""
-    complete = func.count(Step.infer_s) == func.count()
-    return select(case((complete, func.sum(Step.infer_s)))).where(Step.episode_id == episode_id).scalar_subquery()
+    complete = func.count(StepRow.infer_s) == func.count()
+    return select(case((complete, func.sum(StepRow.infer_s)))).where(StepRow.episode_id == episode_id).scalar_subquery()
 
 
 def _movement_json(step: StepRecord) -> dict[str, Any] | None:
@@ -242,8 +245,8 @@ def step_of_row(row: Any) -> StepRecord:
             turn_rad=_known(row.turn_rad),
             duration_s=_known(row.duration_s),
             collision=collision,
-            failure="" if row.blocked else row.failure,
-            blocked=row.failure if row.blocked else "",
+            failure=row.failure,
+            blocked=row.refusal,
             path_m=path_m,
             corrections=row.corrections,
             pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
@@ -266,6 +269,7 @@ def step_of_row(row: Any) -> StepRecord:
         recorded_at=row.recorded_at,
         movement=movement,
         part=part,
+        refusal=row.refusal,
     )
 
 

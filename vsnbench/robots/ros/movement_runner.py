@@ -15,7 +15,6 @@ from vsnbench.sensing.movement_check import (
     MovementAlarmError,
     contradiction,
     displacement_m,
-    goes_forward,
     overshoot,
     remaining_m,
 )
@@ -23,7 +22,7 @@ from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.steering import rival_text
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
+from vsnbench.values.movement import STOP, Drive, ahead, holds_heading, movement_text
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
@@ -95,7 +94,7 @@ class MovementRunner:
 
         try:
             check()
-            if looks is not None and goes_forward(movement):
+            if looks is not None and ahead(movement) > 0:
                 looks.require_sight(self._link)
             answered = self._link.drive(movement, timeout_s, None if movement == STOP else check)
             # The outcome is on another topic than the answer.

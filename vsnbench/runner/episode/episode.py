@@ -114,7 +114,7 @@ def run_episode(
         while reason is None:
             step, reason = stepper.take(spent, here)
             recorder.step(step)
-            spent, here = step.spent, step.after
+            spent, here = step.spent, step.site_after
             operator.step_taken(plan, step)
             if step.blocked:
                 recorder.event("blocked", step.refusal)

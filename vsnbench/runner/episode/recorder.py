@@ -45,7 +45,7 @@ _CLOCK_CHANGE_S = 2.0
 """Larger changes are recorded; time synchronization makes smaller ones."""
 
 
-class EpisodeWriter(Protocol):
+class RowWriter(Protocol):
     """Writes the rows of an episode: to the database, or to a worker's memory."""
 
     def place(self, episode_id: int, start: Fix) -> None:
@@ -90,7 +90,7 @@ class EpisodeRecorderFanOut:
     """The recorder of one claimed episode; `model` names the model and its weights as people may see them."""
 
     def __init__(
-        self, journal: EpisodeWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
+        self, journal: RowWriter, options: RecordingOptions, robot: RobotProfile, model: str, claim: Claim
     ) -> None:
         self._journal = journal
         self._options = options
@@ -147,11 +147,11 @@ class EpisodeRecorderFanOut:
         """Write a step, in the thread if there is one, after the step before it is committed."""
         self._settle()
         if step.index == 1:
-            self._trajectory = [StampedPose(step.observation.stamp_s, step.before.pose)]
+            self._trajectory = [StampedPose(step.observation.stamp_s, step.site_before.pose)]
         driving_s = step.result.duration_s if step.result else 0.0
         if step.result is not None and step.result.path_m is not None:  # longer than the line between its two ends
-            self._detour_m += max(step.result.path_m - step.before.pose.distance_to(step.after.pose), 0.0)
-        self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.after.pose))
+            self._detour_m += max(step.result.path_m - step.site_before.pose.distance_to(step.site_after.pose), 0.0)
+        self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.site_after.pose))
         self._last_number = step.index
         self._robot_time_s += driving_s
         if self._worker is None:
@@ -219,7 +219,7 @@ class EpisodeRecorderFanOut:
             result=step.result,
             observed=observation.pose,
             stamp_s=observation.stamp_s,
-            world=step.after,
+            world=step.site_after,
             rgb_digest=images.rgb_digest,
             depth_digest=images.depth_digest,
             rgb_file_digest=rgb_file_digest,
@@ -229,6 +229,7 @@ class EpisodeRecorderFanOut:
             details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
             movement=decision.movement,
             part=step.part,
+            refusal=step.refusal,
         )
         self._journal.append_step(self._claim.id, record)
         self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))

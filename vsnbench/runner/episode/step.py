@@ -41,8 +41,10 @@ class Step:
     """Reading of the depth guard; None for actions that it does not check."""
     result: MotionResult | None
     """None if the guard refused the action before it began."""
-    before: Fix
-    after: Fix
+    site_before: Fix
+    """Pose in the site before the action."""
+    site_after: Fix
+    """Pose in the site after it; odometry is in `result`."""
     timings: StepTimings
     spent: Spent
     """What the episode has used, including this action."""

@@ -103,8 +103,8 @@ class SessionState:
     def step_taken(self, step: Step) -> None:
         """Add an action, and the image before it."""
         action = step.decision.action.value if self.shows_actions else ""
-        self.steps.append(ShownStep(action, step.blocked, step.after.pose))
-        self.left_at, self.spent = step.after.pose, step.spent
+        self.steps.append(ShownStep(action, step.blocked, step.site_after.pose))
+        self.left_at, self.spent = step.site_after.pose, step.spent
         self.picture, self.pictures = step.observation.rgb, self.pictures + 1
 
     def episode_ended(self, ended: EndedEpisode) -> None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from vsnbench.errors import VsnbenchError
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.reading.episode_numbers import as_ranges
 from vsnbench.results.studies.entries import AMEND, LOCK, UNBLIND, RecordedStudy
-from vsnbench.results.studies.evidence import EndedEpisode, StudyEvidence
+from vsnbench.results.studies.evidence import StudyEpisode, StudyEvidence
 from vsnbench.results.studies.log import ENTRY, OUTCOME, LogEvent, heads_of
 from vsnbench.runner.setup.selection import choose_starts
 from vsnbench.sites.site import Site
@@ -17,7 +18,6 @@ from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import LockNote, sha256_of
 from vsnbench.study.schedule import Schedule, schedules_of
 from vsnbench.text.sanitize import counted, sanitize
-from vsnbench.values.scheduled_trial import ScheduledTrial
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ class _Check:
         for row in found.values():
             yield f"trial {row.rank + 1} is {self._trial(row)} and was not planned"
 
-    def _trial(self, trial: ScheduledTrial | EndedEpisode) -> str:
+    def _trial(self, trial: ScheduledTrial | StudyEpisode) -> str:
         repetition = f", repetition {trial.repetition}" if trial.repetition > 1 else ""
         return f"{self._arm(trial.arm)} on {trial.goal} from {trial.start}{repetition}"
 
@@ -208,7 +208,7 @@ class _Check:
             for entry in (recorded - logged).elements():
                 yield f"the history has what the log lacks: {_entry(json.loads(entry))}"
 
-    def _episode_differences(self, logged: Sequence[Mapping[str, Any]], now: EndedEpisode | None) -> Iterator[str]:
+    def _episode_differences(self, logged: Sequence[Mapping[str, Any]], now: StudyEpisode | None) -> Iterator[str]:
         most = max(outcome["verdicts"] for outcome in logged)
         latest = [outcome for outcome in logged if outcome["verdicts"] == most]
         where = ScheduledTrial(0, 0, *(latest[-1][name] for name in ("arm", "goal", "start", "repetition")))

@@ -59,16 +59,16 @@ def version_of(engine: Engine) -> str:
     Raises:
         RecordError: the database cannot be read.
     """
-    running = select(tables.Episode.id).where(tables.IS_ACTIVE).scalar_subquery()
+    running = select(tables.EpisodeRow.id).where(tables.IS_ACTIVE).scalar_subquery()
     with record_errors(engine), reading(engine).begin() as connection:
         numbers = [
             connection.scalar(query) or 0
             for query in (
-                select(func.max(tables.Episode.id)),
-                select(func.max(tables.Verdict.id)),
-                select(func.max(tables.Event.id)),
-                select(func.count()).select_from(tables.Episode).where(tables.IS_ACTIVE),
-                select(func.count()).select_from(tables.Step).where(tables.Step.episode_id.in_(running)),
+                select(func.max(tables.EpisodeRow.id)),
+                select(func.max(tables.VerdictRow.id)),
+                select(func.max(tables.EventRow.id)),
+                select(func.count()).select_from(tables.EpisodeRow).where(tables.IS_ACTIVE),
+                select(func.count()).select_from(tables.StepRow).where(tables.StepRow.episode_id.in_(running)),
             )
         ]
     return "-".join(map(str, numbers))
@@ -169,10 +169,10 @@ def recorded_site(engine: Engine, sha256: str) -> Site | None:
         RecordError: the database cannot be read.
     """
     query = (
-        select(tables.Site.content, tables.Campaign.id)
-        .join(tables.Campaign, tables.Campaign.site_id == tables.Site.id)
-        .where(tables.Site.sha256 == sha256)
-        .order_by(tables.Campaign.id)
+        select(tables.SiteRow.content, tables.CampaignRow.id)
+        .join(tables.CampaignRow, tables.CampaignRow.site_id == tables.SiteRow.id)
+        .where(tables.SiteRow.sha256 == sha256)
+        .order_by(tables.CampaignRow.id)
         .limit(1)
     )
     with record_errors(engine), reading(engine).begin() as connection:
@@ -194,6 +194,7 @@ def _step(step: StepRecord) -> dict[str, Any]:
         "action": movement_text(step.movement) if step.movement is not None else step.action.value,
         "raw_action": step.raw_action,
         "blocked": step.blocked,
+        "refusal": step.refusal,
         "failure": step.result.failure if step.result else "",
         "touched": (collision.touched or "unknown object") if collision else "",
         "time_s": _rounded(step.stamp_s, 2),

@@ -9,7 +9,7 @@ from vsnbench.errors import VsnbenchError
 from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.report.analysis.failures import failure_kinds
 from vsnbench.results.schema.engine import reading
-from vsnbench.results.schema.tables import Verdict
+from vsnbench.results.schema.tables import VerdictRow
 
 logger = logging.getLogger(__name__)
 
@@ -51,10 +51,10 @@ class FailureKinds:
     def _classify(self) -> None:
         try:
             with reading(self._engine).begin() as connection:
-                last = connection.scalar(select(func.max(Verdict.id))) or 0
+                last = connection.scalar(select(func.max(VerdictRow.id))) or 0
                 if last == self._last_verdict:
                     return
-                query = select(Verdict.episode_id).where(Verdict.id > self._last_verdict).distinct()
+                query = select(VerdictRow.episode_id).where(VerdictRow.id > self._last_verdict).distinct()
                 for number in connection.scalars(query):
                     self._known.pop(number, None)
             record = read_report_data(self._engine)

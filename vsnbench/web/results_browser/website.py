@@ -59,49 +59,39 @@ class WrittenWebsite:
 
 
 WEBSITE = Measures(
-    (
-        Measure("directory", TEXT, "directory of the website"),
-        Measure("episodes", COUNT, "number of episodes on the website"),
-        Measure("images", COUNT, "number of written images"),
-        Measure("videos", COUNT, "number of written videos"),
-        Measure("problems", TEXTS, "episodes without a video, and why"),
-    )
+    Measure("directory", TEXT, "directory of the website"),
+    Measure("episodes", COUNT, "number of episodes on the website"),
+    Measure("images", COUNT, "number of written images"),
+    Measure("videos", COUNT, "number of written videos"),
+    Measure("problems", TEXTS, "episodes without a video, and why"),
 )
 """The JSON object of `report --website`."""
 _OF_CONDITION = Measures(
-    (
-        Measure("name", TEXT, "name of the condition"),
-        Measure("environment", TEXT, "`simulated` or `real`"),
-        Measure("site", TEXT, "name of the site"),
-    )
+    Measure("name", TEXT, "name of the condition"),
+    Measure("environment", TEXT, "`simulated` or `real`"),
+    Measure("site", TEXT, "name of the site"),
 )
 _LIMITS = "lower and upper limit of the 95 % interval, each null if unknown"
 _HEADLINE = Measures(
-    (
-        *_OF_CONDITION.within(lambda row: row[0].condition),
-        Measure("goals", TEXTS, "goals that the rate covers", lambda row: row[1][0]),
-        Measure("episodes", COUNT, "number of counted episodes", lambda row: row[1][1].episodes),
-        Measure("successes", COUNT, "number of successes among them", lambda row: row[1][1].successes),
-        Measure(
-            "success_rate", NUMBER, "share of successes", lambda row: row[1][1].success_rate, null="without episodes"
-        ),
-        Measure(
-            "interval",
-            values(Form({"type": ["number", "null"]})),
-            _LIMITS,
-            lambda row: (row[1][1].interval.low, row[1][1].interval.high),
-        ),
-    )
+    *_OF_CONDITION.within(lambda row: row[0].condition),
+    Measure("goals", TEXTS, "goals that the rate covers", lambda row: row[1][0]),
+    Measure("episodes", COUNT, "number of counted episodes", lambda row: row[1][1].episodes),
+    Measure("successes", COUNT, "number of successes among them", lambda row: row[1][1].successes),
+    Measure("success_rate", NUMBER, "share of successes", lambda row: row[1][1].success_rate, null="without episodes"),
+    Measure(
+        "interval",
+        values(Form({"type": ["number", "null"]})),
+        _LIMITS,
+        lambda row: (row[1][1].interval.low, row[1][1].interval.high),
+    ),
 )
 """A condition with its goals and group of `headlines`."""
 HEADLINES = Measures(
-    (
-        Measure("schema", COUNT, f"version of these fields, now {SCHEMA}"),
-        Measure("vsnbench", TEXT, "version of vsnbench that wrote it"),
-        Measure("created_at", TEXT, "time of writing"),
-        Measure("conditions", objects(_HEADLINE), "one object per condition"),
-        Measure("answers", TEXTS, "the report's answers, one sentence each"),
-    )
+    Measure("schema", COUNT, f"version of these fields, now {SCHEMA}"),
+    Measure("vsnbench", TEXT, "version of vsnbench that wrote it"),
+    Measure("created_at", TEXT, "time of writing"),
+    Measure("conditions", objects(_HEADLINE), "one object per condition"),
+    Measure("answers", TEXTS, "the report's answers, one sentence each"),
 )
 """The content of headline.json."""
 
