@@ -96,7 +96,7 @@ def main() -> None:
         results.prepare()
         described = setup.description
         trials = [Trial("chair", 1, number) for number in range(1, asked.episodes + 1)]
-        campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
+        campaign = CampaignPlan(site, described.robot, described.card, parameters, 0, trials, described.conditions)
         sleepers = Sleepers(described, bundle, asked.workers, asked.episode_s)
         with Journal.open(results.database_url) as journal, StopRequests() as stop, MergingPool(sleepers) as pool:
             session = Session(

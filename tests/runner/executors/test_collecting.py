@@ -65,7 +65,7 @@ def campaign_of(setup: TrialSetup, path: Path, starts: int) -> Rig:
     results.prepare()
     described = setup.description
     trials = [Trial("chair", number) for number in range(1, starts + 1)]
-    plan = CampaignPlan(APARTMENT, described.robot, described.model, PARAMETERS, 0, trials, described.conditions)
+    plan = CampaignPlan(APARTMENT, described.robot, described.card, PARAMETERS, 0, trials, described.conditions)
     journal = Journal.open(results.database_url)
     return Rig(journal, journal.find_or_create_campaign(plan), results, APARTMENT, PARAMETERS)
 
