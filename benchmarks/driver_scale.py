@@ -20,7 +20,7 @@ from pathlib import Path
 
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.collecting import MergingPool, TaskRunner
@@ -87,7 +87,7 @@ def main() -> None:
     plan = TrialSetupSpec(site, "random", ("chair",), parameters=parameters)
     with open_trial_setup(plan) as setup, tempfile.TemporaryDirectory(prefix="vsnbench-driver-") as directory:
         for seed in range(100):  # the random walk may stop early
-            bundle = run_bundled(setup, setup.provenance("typed"), plan, Trial(1, 1, "chair", 1, 1), seed)
+            bundle = run_bundled(setup, setup.provenance("typed"), plan, Trial("chair", 1, id=1, campaign_id=1), seed)
             if bundle.outcome.actions == asked.actions:
                 break
         if asked.without_images:
@@ -95,7 +95,7 @@ def main() -> None:
         results = ResultsDirectory.locate(Path(directory))
         results.prepare()
         described = setup.description
-        trials = [PlannedTrial("chair", 1, number) for number in range(1, asked.episodes + 1)]
+        trials = [Trial("chair", 1, number) for number in range(1, asked.episodes + 1)]
         campaign = CampaignPlan(site, described.robot, described.model, parameters, 0, trials, described.conditions)
         sleepers = Sleepers(described, bundle, asked.workers, asked.episode_s)
         with Journal.open(results.database_url) as journal, StopRequests() as stop, MergingPool(sleepers) as pool:

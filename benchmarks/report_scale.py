@@ -29,7 +29,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.migrate import upgrade
 from vsnbench.results.schema.tables import Base
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.categories import GOAL_CATEGORIES
@@ -60,7 +60,7 @@ def make_record(directory: Path, episodes: int) -> None:
                         protocol=ProtocolParameters(),
                         seed=0,
                         trials=[
-                            PlannedTrial(goal, start.number, repetition)
+                            Trial(goal, start.number, repetition)
                             for repetition in range(1, repetitions + 1)
                             for goal in GOAL_CATEGORIES
                             for start in site.starts

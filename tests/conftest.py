@@ -116,6 +116,7 @@ SLOW = frozenset(
         "runner/study/test_integrity.py",
         "runtime/test_numba_cache.py",
         "sensing/test_difficult_bases.py",
+        "sensing/test_mover.py",
         "simulator/generated_sites/test_generate.py",
         "simulator/rendering/test_renderer.py",
         "site_checks/test_check.py",

@@ -4,7 +4,7 @@ CREATE TABLE alembic_version (
 	version_num VARCHAR(32) NOT NULL, 
 	CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num)
 );
-INSERT INTO "alembic_version" VALUES('0010');
+INSERT INTO "alembic_version" VALUES('0011');
 CREATE TABLE "campaign" (
 	id INTEGER NOT NULL, 
 	"key" TEXT NOT NULL, 
@@ -19,11 +19,11 @@ CREATE TABLE "campaign" (
 	conditions JSON NOT NULL, 
 	seed BIGINT NOT NULL, 
 	CONSTRAINT pk_campaign PRIMARY KEY (id), 
-	CONSTRAINT fk_campaign_site_id_site FOREIGN KEY(site_id) REFERENCES site (id), 
-	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
 	CONSTRAINT fk_campaign_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
-	CONSTRAINT fk_campaign_model_id_model FOREIGN KEY(model_id) REFERENCES model (id), 
-	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id)
+	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
+	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id), 
+	CONSTRAINT fk_campaign_site_id_site FOREIGN KEY(site_id) REFERENCES site (id), 
+	CONSTRAINT fk_campaign_model_id_model FOREIGN KEY(model_id) REFERENCES model (id)
 );
 CREATE TABLE "episode" (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, 
@@ -57,10 +57,10 @@ CREATE TABLE "episode" (
 	lease_until DATETIME, 
 	start_source TEXT, 
 	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), thinking_s DOUBLE, 
-	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
-	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
 	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 
 	CONSTRAINT uq_episode_uuid UNIQUE (uuid), 
+	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
+	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
 	CONSTRAINT ck_episode_ck_episode_state_fits_the_end CHECK (state IN ('claimed', 'placed', 'running', 'awaiting', 'judged', 'void') AND (state IN ('claimed', 'placed', 'running')) = (end_reason IS NULL))
 );
 CREATE TABLE "event" (
@@ -213,7 +213,7 @@ CREATE TABLE step (
 	infer_s DOUBLE, 
 	move_s DOUBLE, 
 	probabilities JSON, 
-	details JSON, movement JSON, rgb_file_digest TEXT, depth_file_digest TEXT, 
+	details JSON, movement JSON, rgb_file_digest TEXT, depth_file_digest TEXT, refusal TEXT NOT NULL DEFAULT '', 
 	CONSTRAINT pk_step PRIMARY KEY (episode_id, number), 
 	CONSTRAINT ck_step_number_from_one CHECK (number >= 1), 
 	CONSTRAINT fk_step_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id)
@@ -298,8 +298,8 @@ CREATE TABLE "trial" (
 	rank INTEGER NOT NULL, goal_id INTEGER CONSTRAINT fk_trial_goal_id_goal REFERENCES goal (id), 
 	CONSTRAINT pk_trial PRIMARY KEY (id), 
 	CONSTRAINT uq_trial_campaign_id_goal_start_repetition UNIQUE (campaign_id, goal, start, repetition), 
-	CONSTRAINT ck_trial_repetition_from_one CHECK (repetition >= 1), 
-	CONSTRAINT fk_trial_campaign_id_campaign FOREIGN KEY(campaign_id) REFERENCES campaign (id)
+	CONSTRAINT fk_trial_campaign_id_campaign FOREIGN KEY(campaign_id) REFERENCES campaign (id), 
+	CONSTRAINT ck_trial_repetition_from_one CHECK (repetition >= 1)
 );
 CREATE TABLE "verdict" (
 	id INTEGER NOT NULL, 

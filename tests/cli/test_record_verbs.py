@@ -13,7 +13,7 @@ from tests.results.records_of_a_lab import plan, run, stopped, void
 from vsnbench.cli.main import main
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema import migrate
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 
 
@@ -82,7 +82,7 @@ def test_the_database_can_be_found_upgraded_and_backed_up(tmp_path: Path) -> Non
 
 def test_a_script_gets_every_episode_unless_it_asks_for_fewer(tmp_path: Path) -> None:
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
-        many = replace(plan(), trials=[PlannedTrial("chair", 1, repetition) for repetition in range(1, 54)])
+        many = replace(plan(), trials=[Trial("chair", 1, repetition) for repetition in range(1, 54)])
         for trial in journal.find_or_create_campaign(many).trials:
             run(journal, trial, stopped(success=True), steps=0)
     assert len(json.loads(vsnbench(tmp_path, "episodes", "list", "--json").stdout)) == 53

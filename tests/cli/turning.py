@@ -90,6 +90,7 @@ class Narrow(Turning):
 
 
 class OddCamera(Turning):
-    """Has a card with a mapping as its camera."""
+    """Has a card whose camera has no height."""
 
-    card = ModelCard("odd-camera", camera={"mount_height_m": 0.88})  # type: ignore[arg-type]
+    def __init__(self) -> None:
+        self.card = ModelCard("odd-camera", camera={"mount_height_m": "high"})  # type: ignore[arg-type]

@@ -375,7 +375,7 @@ def as_of_0004(results: Path) -> Path:
         for added_since in ("TABLE study_event", "TABLE released_claim"):
             database.execute(f"DROP {added_since}")
         database.execute("ALTER TABLE study DROP COLUMN log_heads")
-        for column in ("movement", "rgb_file_digest", "depth_file_digest"):
+        for column in ("movement", "rgb_file_digest", "depth_file_digest", "refusal"):
             database.execute(f"ALTER TABLE step DROP COLUMN {column}")
         database.execute("ALTER TABLE trial DROP COLUMN goal_id")
         database.execute("ALTER TABLE episode DROP COLUMN thinking_s")

@@ -15,7 +15,7 @@ from vsnbench.report.analysis.summary import Group
 from vsnbench.report.tables.success import SUMMARY
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.schema.engine import open_engine
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
@@ -87,7 +87,7 @@ class Lab:
         *,
         model: str = "vlv",
         weights_label: str = "",
-        trials: Sequence[PlannedTrial] | None = None,
+        trials: Sequence[Trial] | None = None,
         simulated: bool = True,
         robot: str = "turtlebot2",
         protocol: ProtocolParameters | None = None,
@@ -97,7 +97,7 @@ class Lab:
         conditions: Mapping[str, Any] | None = None,
     ) -> list[int]:
         """Write a campaign with attempts in order, and return their episode numbers."""
-        planned = trials or list(dict.fromkeys(PlannedTrial(a.goal, a.start, a.repetition) for a in attempts))
+        planned = trials or list(dict.fromkeys(Trial(a.goal, a.start, a.repetition) for a in attempts))
         plan = CampaignPlan(
             site=self.site,
             robot=RobotIdentity(load_profile(robot), "simulated" if simulated else "ros1", simulated),

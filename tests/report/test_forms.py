@@ -24,7 +24,7 @@ from vsnbench.report.formats.markdown import markdown
 from vsnbench.report.table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.reference import reference_tables
 from vsnbench.report.tables.success import goal_table, overview_table
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.values.action import Action
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
@@ -33,7 +33,7 @@ HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [r
 @pytest.fixture
 def hostile(tmp_path: Path) -> Report:
     lab = Lab(tmp_path)
-    planned = [PlannedTrial(goal, 1) for goal in ("chair", HOSTILE)]
+    planned = [Trial(goal, 1) for goal in ("chair", HOSTILE)]
     lab.write([void(), Attempt(), Attempt(HOSTILE, success=False)], model=HOSTILE, weights_label="=1+1", trials=planned)
     return build(lab.url, Selection())
 

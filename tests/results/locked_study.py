@@ -5,10 +5,10 @@ from dataclasses import replace
 from tests.results.records_of_a_lab import plan, run, stopped
 from tests.results.studies_of_a_lab import hash_of
 from tests.study.studies import study_text
-from vsnbench.results.studies.entries import LockedArm, LockedTrial, RecordedStudy, StudyLock
+from vsnbench.results.studies.entries import LockedArm, RecordedStudy, StudyLock
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.study.integrity import StudyIntegrity, check_integrity
 from vsnbench.sites.site import load_site
@@ -37,21 +37,15 @@ def lock_drawn(journal: Journal, text: str = "", schedule: Schedule | None = Non
                 base,
                 model=replace(base.model, name=name),
                 trials=[
-                    PlannedTrial(trial.goal, trial.start, trial.repetition)
-                    for trial in schedule.trials
-                    if trial.arm == name
+                    Trial(trial.goal, trial.start, trial.repetition) for trial in schedule.trials if trial.arm == name
                 ],
             ),
         )
         for name, code in schedule.codes.items()
     ]
-    trials = [
-        LockedTrial(trial.rank, trial.block, trial.arm, trial.goal, trial.start, trial.repetition)
-        for trial in schedule.trials
-    ]
     study = parse_study(text, "study.yaml")
     return journal.lock_study(
-        StudyLock(study.title, text, hash_of(text), schedule.fingerprint, 7, study.blind, arms, trials)
+        StudyLock(study.title, text, hash_of(text), schedule.fingerprint, 7, study.blind, arms, schedule.trials)
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
@@ -65,7 +65,7 @@ def plan(
         model=ModelCard("random", settings=settings or {"temperature": 1.0}),
         protocol=ProtocolParameters(),
         seed=seed,
-        trials=[PlannedTrial(goal, start) for goal in goals for start in (1, 2)],
+        trials=[Trial(goal, start) for goal in goals for start in (1, 2)],
     )
 
 

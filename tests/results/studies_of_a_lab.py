@@ -4,7 +4,8 @@ import hashlib
 from dataclasses import replace
 
 from tests.results.records_of_a_lab import plan, run, stopped
-from vsnbench.results.studies.entries import LockedArm, LockedTrial, RecordedStudy, StudyChange, StudyLock
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
+from vsnbench.results.studies.entries import LockedArm, RecordedStudy, StudyChange, StudyLock
 from vsnbench.results.writing.journal import Journal
 
 CONTENT = "title: Which?\n"
@@ -20,7 +21,7 @@ def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStud
     second = replace(first, model=replace(first.model, name="another"))
     arms = [LockedArm("lark", "B", first), LockedArm("owl", "A", second)]
     trials = [
-        LockedTrial(rank, rank // 2, arm.name, trial.goal, trial.start, trial.repetition)
+        ScheduledTrial(rank, rank // 2, arm.name, trial.goal, trial.start, trial.repetition)
         for rank, (trial, arm) in enumerate((trial, arm) for trial in first.trials for arm in arms)
     ]
     return journal.lock_study(StudyLock("Which?", CONTENT, hash_of(CONTENT), "h", seed, blind, arms, trials))

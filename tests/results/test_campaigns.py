@@ -11,18 +11,18 @@ from tests.results.records_of_a_lab import begun, plan, run, stopped
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
 from vsnbench.results.schema.engine import open_engine
-from vsnbench.results.writing.campaigns import OpenCampaign, PlannedTrial
+from vsnbench.results.writing.campaigns import OpenCampaign, Trial
 from vsnbench.results.writing.journal import Journal
 
 PROCESSES = 6
 
 
-def at_once(url: str, ask: "list[tuple[PlannedTrial, ...]]") -> list[OpenCampaign]:
+def at_once(url: str, ask: "list[tuple[Trial, ...]]") -> list[OpenCampaign]:
     """Request each plan from its own journal, all at the same time."""
     journals = [Journal.open(url) for _ in ask]
     barrier = Barrier(len(ask))
 
-    def create(journal: Journal, trials: tuple[PlannedTrial, ...]) -> OpenCampaign:
+    def create(journal: Journal, trials: tuple[Trial, ...]) -> OpenCampaign:
         barrier.wait(30)
         return journal.find_or_create_campaign(replace(plan(), trials=trials))
 
@@ -43,7 +43,7 @@ def test_those_who_create_one_campaign_at_once_get_one(url: str) -> None:
 
 
 def test_those_who_extend_one_plan_at_once_plan_every_trial_once(url: str) -> None:
-    wanted = [tuple(PlannedTrial("chair", start) for start in range(1, last + 2)) for last in range(1, PROCESSES)]
+    wanted = [tuple(Trial("chair", start) for start in range(1, last + 2)) for last in range(1, PROCESSES)]
     made = at_once(url, wanted)
     for campaign, trials in zip(made, wanted, strict=True):
         assert [(trial.goal, trial.start) for trial in campaign.trials] == [(t.goal, t.start) for t in trials]

@@ -77,7 +77,7 @@ def test_every_step_is_as_it_was_and_says_what_its_images_were_hashed_with(
         for image in ("rgb", "depth"):
             hashed = step.pop(f"{image}_sha256")
             step[f"{image}_digest"] = hashed and f"sha256:{hashed}"
-        step |= {"movement": None, "rgb_file_digest": None, "depth_file_digest": None}
+        step |= {"movement": None, "rgb_file_digest": None, "depth_file_digest": None, "refusal": ""}
     assert {len(step["rgb_digest"] or "") for step in was} == {0, 71}
     with after.connect() as connection:
         assert [dict(row) for row in connection.execute(text("SELECT * FROM step")).mappings()] == was

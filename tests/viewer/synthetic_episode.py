@@ -13,7 +13,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.schema.tables import Episode
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
@@ -75,7 +75,7 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
     profile = load_profile("turtlebot2")
     model = ModelCard("vlv", weights_label="stand-in weights")
     plan = CampaignPlan(
-        about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [PlannedTrial("chair", 1)]
+        about.site, RobotIdentity(profile, "simulated", True), model, about.parameters, 0, [Trial("chair", 1)]
     )
     results.prepare()
     with Journal.open(results.database_url) as journal:

@@ -19,7 +19,7 @@ from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.files.staged_import import StagedImport, remove_stale_imports
 from vsnbench.results.reading.queries import images_directories
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import unjudged_end
 from vsnbench.results.writing.imports import IMPORTED, ImportedEpisode
 from vsnbench.results.writing.journal import Journal
@@ -163,7 +163,7 @@ def _plan(
     planned = []
     for goal in goals:
         seen[goal] += 1
-        planned.append(PlannedTrial(goal, start, seen[goal]))
+        planned.append(Trial(goal, start, seen[goal]))
     digest = hashlib.sha256(source.read_bytes()).digest()
     return CampaignPlan(
         site=site,

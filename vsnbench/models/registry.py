@@ -98,7 +98,9 @@ def _invalid_card(name: str, where: str, error: BaseException | None) -> ModelEr
         return None
     field, problem = first_error(error, ModelCard)
     return ModelError(
-        f"model {name}: {where}: its card's {field}: {problem.statement}", advice=problem.advice, code="invalid-card"
+        f"model {name}: {f'{where}: ' if where != name else ''}its card's {field}: {problem.statement}",
+        advice=problem.advice,
+        code="invalid-card",
     )
 
 

@@ -40,6 +40,7 @@ STEP = Fields(
         _step("action", str, "action that the robot received"),
         _step("blocked", bool, "the depth guard prevented or ended it"),
         _step("completed", bool, "the robot completed it within its tolerances", _result("completed")),
+        _step("refusal", str, "why the depth guard refused it or ended it early; empty otherwise"),
         _step("failure", str, "why the robot did not complete it; empty otherwise", _result("failure")),
         _step(
             "recorded_at",

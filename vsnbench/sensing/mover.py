@@ -22,7 +22,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.mover_senses import MoverSenses
-from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryFaultKind, OdometryTracker
+from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
@@ -91,7 +91,7 @@ class Mover:
             self._odometry_seen_s = self._monotonic_s()
             if fault is not None:
                 self._senses.odometry_fault = fault
-            if fault is None or fault.kind is OdometryFaultKind.JUMPED:
+            if fault is None or not fault.is_dropped:
                 self._clock.add(stamp_s, arrival_s)
             if fault is not None:
                 self._rest.forget()

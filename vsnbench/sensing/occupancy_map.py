@@ -39,7 +39,7 @@ class MappingSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class MapCell:
     """Indices of a cell; they change when the grid grows."""
 
     row: int
@@ -92,14 +92,14 @@ class OccupancyMap:
             self.resolution_m,
         )
 
-    def cell_at(self, x_m: float, y_m: float) -> Cell:
+    def cell_at(self, x_m: float, y_m: float) -> MapCell:
         """Return the cell of a point; it may be outside the grid."""
-        return Cell(
+        return MapCell(
             math.floor((y_m - self.origin_y_m) / self.resolution_m),
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
-    def holds(self, cell: Cell) -> bool:
+    def holds(self, cell: MapCell) -> bool:
         """Return whether a cell is in the grid."""
         rows, columns = self._evidence.shape
         return 0 <= cell.row < rows and 0 <= cell.column < columns

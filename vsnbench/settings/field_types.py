@@ -22,6 +22,16 @@ def types_at(model: type, location: Location) -> list[Any]:
     return here
 
 
+def without_types(model: type, location: Location) -> Location:
+    """Return a location without the types that pydantic tried there, as in ("height_m", "constrained-float")."""
+    kept: Location = ()
+    for part in location:
+        here = [member for annotation in types_at(model, kept) for member in _alternatives(annotation)]
+        if isinstance(part, int) or any(_is_model(member) or get_origin(member) is dict for member in here):
+            kept = (*kept, part)
+    return kept
+
+
 def takes_text(annotation: Any) -> bool:
     """Return whether a list may contain text, such as goal categories or names."""
     return str in _parts(annotation)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.settings.field_errors import describe_errors
-from vsnbench.settings.field_types import Location
+from vsnbench.settings.field_types import Location, without_types
 from vsnbench.settings.number_errors import FieldError, as_written
 
 Settings = TypeVar("Settings", bound=BaseModel)
@@ -115,7 +115,7 @@ def validated(
 def first_error(problem: ValidationError, model: type) -> tuple[str, FieldError]:
     """Return the field of the first error in values that are not from a file, such as `camera.width`, and the error."""
     location, error = describe_errors(problem.errors()[0], model)[0]
-    return ".".join(map(str, location)), error
+    return ".".join(map(str, without_types(model, location))), error
 
 
 def _non_finite_numbers(content: Any, path: Location) -> Iterator[tuple[Location, float]]:

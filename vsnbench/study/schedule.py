@@ -10,28 +10,10 @@ from string import ascii_uppercase
 from typing import TypeVar
 
 from vsnbench.errors import StudyError
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.study.file import StudyFile
 
 Item = TypeVar("Item")
-
-
-@dataclass(frozen=True, slots=True)
-class ScheduledTrial:
-    """A scheduled trial."""
-
-    rank: int
-    """From 0."""
-    block: int
-    """From 0: every arm once on one cell; in other orders the number of the cell."""
-    arm: str
-    goal: str
-    start: int
-    repetition: int
-
-    @property
-    def words(self) -> str:
-        """Goal, starting position and repetition as text."""
-        return f"{self.goal} from {self.start}" + (f", repetition {self.repetition}" if self.repetition > 1 else "")
 
 
 @dataclass(frozen=True, slots=True)

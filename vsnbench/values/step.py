@@ -32,6 +32,8 @@ class StepRecord:
     """The model's own name of the action; default: the action's name."""
     result: MotionResult | None = None
     """None if the depth guard blocked the action before it began; unknown numbers are NaN."""
+    refusal: str = ""
+    """Why the depth guard refused the action or ended it early, or an empty string."""
     movement: Movement | None = None
     """Parameters of an action that has some."""
     part: tuple[int, int] | None = None

@@ -33,7 +33,7 @@ def test_workers_are_a_number_or_auto_or_a_cluster(tmp_path: Path, monkeypatch: 
     assert requested_workers("3").count == 3
     assert requested_workers("auto").count is None
     cluster = requested_workers("ray://head:10001")
-    assert (cluster.count, cluster.cluster, cluster.gpus_each) == (16, "ray://head:10001", 0.25)
+    assert (cluster.count, str(cluster.cluster), cluster.gpus_each) == (16, "ray://head:10001", 0.25)
     for text in ("0", "-1", "many", "99999"):
         with pytest.raises(UsageError) as refused:
             requested_workers(text)

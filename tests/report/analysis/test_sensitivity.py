@@ -17,7 +17,7 @@ from vsnbench.report.analysis.summary import ConditionSummary, summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.tables.failures import JUDGEMENTS, failure_table, judgement_table
 from vsnbench.report.tables.sensitivity import sensitivity_tables
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
@@ -41,7 +41,7 @@ def test_rates_are_counted_anew_under_other_rules(lab: Lab) -> None:
             Attempt(start=4, distance_m=0.9, success=False),  # near, but through a wall
             Attempt(start=5, distance_m=0.2, success=False, end_reason=EndReason.COLLISION),
         ],
-        trials=[PlannedTrial("chair", start) for start in range(1, 8)],
+        trials=[Trial("chair", start) for start in range(1, 8)],
     )
     counted = {each.label: each.proportion for each in sensitivity(*only(lab))}
     shown = {what: (each.successes, each.trials) for what, each in counted.items()}

@@ -18,7 +18,7 @@ from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.build import read
 from vsnbench.report.tables.activity import end_counts, end_reason_table
 from vsnbench.report.tables.success import SUMMARY, goal_table
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
 from vsnbench.values.step import StepRecord, StepTimings
@@ -89,7 +89,7 @@ def test_an_unjudged_result_is_in_no_rate(lab: Lab) -> None:
 
 
 def test_coverage_is_trials_done_of_trials_planned(lab: Lab) -> None:
-    planned = [PlannedTrial(goal, start) for goal in ("chair", "bed") for start in range(1, 6)]
+    planned = [Trial(goal, start) for goal in ("chair", "bed") for start in range(1, 6)]
     lab.write([Attempt(start=1), Attempt(start=2)], trials=planned)
     (one,) = results_of(lab).conditions
     assert one.total.coverage == 0.2

@@ -22,7 +22,7 @@ from vsnbench.report.study.primary import analyse
 from vsnbench.report.tables.comparison import COMPARISON, comparison_tables
 from vsnbench.report.tables.ranking import ranking_table
 from vsnbench.report.tables.reference import reference_comparison
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.sites.site import load_site
 from vsnbench.statistics.clustered import independent_difference
 from vsnbench.statistics.conclusion import Conclusion
@@ -182,7 +182,7 @@ def test_a_clear_difference_has_a_winner(lab: Lab) -> None:
 
 def test_no_winner_is_named_below_95_percent_coverage(lab: Lab) -> None:
     succeed(lab, "good", {(g, s) for g in GOALS for s in STARTS})
-    planned = [PlannedTrial(g, s) for g in GOALS for s in STARTS]
+    planned = [Trial(g, s) for g in GOALS for s in STARTS]
     done = [Attempt(t.goal, t.start, success=False) for t in planned[:28]]
     lab.write(done, model="bad", trials=planned)
     (comparison,) = comparisons(lab, "good", "bad")

@@ -6,7 +6,7 @@ from vsnbench.report.build import build
 from vsnbench.report.comparison.question import ModelQuestion
 from vsnbench.report.figures.choose import drawings
 from vsnbench.report.tables.question import question_tables
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 
 STARTS = range(1, 16)
 
@@ -56,7 +56,7 @@ def test_upper_bounds_and_small_samples_are_no_members(lab: Lab) -> None:
     succeed(lab, "b", 5)
     succeed(lab, "oracle", 15, surveyed=True)
     lab.write([Attempt(start=s) for s in (1, 2, 3)], model="few")
-    planned = [PlannedTrial("chair", start, repetition) for repetition in (1, 2) for start in STARTS]
+    planned = [Trial("chair", start, repetition) for repetition in (1, 2) for start in STARTS]
     lab.write([Attempt(start=s) for s in STARTS], model="unfinished", trials=planned)
     (question,) = asked(lab)
     assert [one.condition.name for one in question.members] == ["a", "b"]

@@ -28,7 +28,7 @@ def standing(study: StudyFile, starts: int, succeeds: Succeeds) -> list[StudyTri
     found = []
     for one in draw_schedule(study, tuple(range(1, starts + 1))).trials:
         success = succeeds(one.arm, one.goal, one.start)
-        trial = Trial(one.rank + 1, 1, one.goal, one.start, one.repetition)
+        trial = Trial(one.goal, one.start, one.repetition, id=one.rank + 1, campaign_id=1)
         state = None if success is None else EpisodeState.JUDGED
         found.append(StudyTrialProgress(one.rank, one.block, one.arm, trial, None, state, success, False, 0))
     return found

@@ -126,6 +126,30 @@ def test_a_record_from_before_there_was_a_table_keeps_its_rows_and_takes_it_in(
     assert [episode.model for episode in list_episodes(engine, EpisodeFilter())] == ["random"]
 
 
+def test_why_the_guard_ended_or_refused_an_action_gets_a_column_of_its_own(sqlite: str) -> None:
+    oldest(sqlite, ROWS_OF_0001)
+    config = migrate._config()
+    with create_engine(sqlite).begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0010")
+        copied = "raw_action, \"action\", {}, 0, '{}', recorded_at, 0 FROM step WHERE number = 1"
+        for number, blocked, failure in ((2, 1, "obstacle ahead"), (3, 1, ""), (4, 0, "stuck")):
+            columns = 'episode_id, number, raw_action, "action", blocked, completed, failure, recorded_at, corrections'
+            values = f"1, {number}, {copied.format(blocked, failure)}"
+            connection.execute(text(f"INSERT INTO step ({columns}) SELECT {values}"))
+        connection.execute(
+            text(
+                "INSERT INTO event (episode_id, step_number, created_at, kind, author, text) "
+                "VALUES (1, 3, '2026-01-01 00:00:30.000000', 'blocked', '', 'blind')"
+            )
+        )
+    engine = open_engine(sqlite)
+    migrate.upgrade(engine)
+    with engine.connect() as connection:
+        rows = connection.execute(text("SELECT number, refusal, failure FROM step ORDER BY number")).all()
+    assert rows == [(1, "", ""), (2, "obstacle ahead", ""), (3, "blind", ""), (4, "", "stuck")]
+
+
 def test_foreign_keys_are_on_after_an_upgrade(sqlite: str) -> None:
     engine = open_engine(sqlite)
     migrate.upgrade(engine)

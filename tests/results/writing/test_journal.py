@@ -18,8 +18,8 @@ from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, episode_steps, list_episodes
 from vsnbench.results.schema.engine import open_engine
 from vsnbench.results.schema.tables import Step
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, trial_seed
-from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial, trial_seed
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd, unjudged_end
 from vsnbench.results.writing.journal import Journal
 from vsnbench.values.action import Action
 from vsnbench.values.fix import PoseSource
@@ -71,7 +71,7 @@ def test_whatever_could_change_a_result_makes_another_campaign(change: object) -
 def test_names_and_the_trials_that_are_asked_for_do_not_make_another_campaign() -> None:
     given = plan()
     assert replace(given, trials=list(reversed(given.trials)), name="Tuesday").key == given.key
-    assert replace(given, trials=[*given.trials, PlannedTrial("chair", 1, 2)]).key == given.key
+    assert replace(given, trials=[*given.trials, Trial("chair", 1, 2)]).key == given.key
 
 
 def test_a_later_command_extends_the_plan_and_done_trials_stay_done(url: str) -> None:
@@ -105,7 +105,7 @@ def test_a_plan_without_trials_or_with_one_twice_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         replace(plan(), trials=[])
     with pytest.raises(ValueError, match="twice"):
-        replace(plan(), trials=[PlannedTrial("chair", 1), PlannedTrial("chair", 1)])
+        replace(plan(), trials=[Trial("chair", 1), Trial("chair", 1)])
 
 
 def test_a_trial_that_somebody_is_at_or_has_done_is_not_claimed_again(url: str) -> None:
@@ -138,7 +138,7 @@ def test_a_void_attempt_or_a_result_made_void_leaves_its_trial_open(url: str) ->
 def test_an_episode_that_awaits_a_persons_word_is_not_run_again(url: str) -> None:
     with Journal.open(url) as journal:
         campaign = journal.find_or_create_campaign(plan(goals=("chair",)))
-        run(journal, campaign.trials[0], replace(stopped(success=True), verdict=None))
+        run(journal, campaign.trials[0], unjudged_end(EndReason.STOP, 3))
         assert journal.campaign_progress(campaign).left == campaign.trials[1:]
 
 

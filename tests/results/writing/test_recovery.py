@@ -177,10 +177,10 @@ DRIVER = """
 import sys
 from dataclasses import replace
 from tests.results.records_of_a_lab import finish, plan, stopped
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 
-given = replace(plan(), trials=[PlannedTrial("chair", 1, repetition) for repetition in range(1, 41)])
+given = replace(plan(), trials=[Trial("chair", 1, repetition) for repetition in range(1, 41)])
 journal = Journal.open(sys.argv[1])
 campaign = journal.find_or_create_campaign(given)
 while (claim := journal.claim_next(campaign.id, [trial.id for trial in campaign.trials])) is not None:

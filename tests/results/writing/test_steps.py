@@ -46,7 +46,8 @@ def test_a_movement_comes_back_with_what_was_driven_of_it(url: str, blocked: str
     result = MotionResult(not blocked, 0.4, 0.1, 2.0, pose=Pose(0.4, 0.0, 0.1), path_m=0.45, blocked=blocked)
     movement = Trajectory(((0.5, 0.0), (1.0, 0.25)))
     step = replace(forward(1), action=Action.TRAJECTORY, raw_action="", result=result, movement=movement, part=(1, 4))
-    refused = replace(forward(2), action=Action.PIXEL, result=None, movement=Pixel(12.0, 40.0))
+    why = "the pixel has no depth"
+    refused = replace(forward(2), action=Action.PIXEL, result=None, movement=Pixel(12.0, 40.0), refusal=why)
     with Journal.open(url) as journal:
         episode = begun(journal, journal.find_or_create_campaign(plan()).trials[0])
         journal.append_step(episode.id, step)
@@ -54,6 +55,7 @@ def test_a_movement_comes_back_with_what_was_driven_of_it(url: str, blocked: str
         journal.append_step(episode.id, forward(3))
         driven, not_begun, discrete = episode_steps(journal.engine, episode.id)
     assert (driven.movement, driven.part, driven.result) == (movement, (1, 4), result)
-    assert (driven.blocked, driven.raw_action) == (bool(blocked), "TRAJECTORY")
+    assert (driven.blocked, driven.refusal, driven.raw_action) == (bool(blocked), blocked, "TRAJECTORY")
+    assert (not_begun.refusal, discrete.refusal) == (why, "")
     assert (not_begun.movement, not_begun.result, not_begun.blocked) == (Pixel(12.0, 40.0), None, True)
     assert (discrete.movement, discrete.part, discrete.blocked) == (None, None, False)

@@ -16,7 +16,7 @@ from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
@@ -106,7 +106,7 @@ def plan_of(robot: Robot) -> CampaignPlan:
         model=ModelCard("drives"),
         protocol=ProtocolParameters(),
         seed=0,
-        trials=[PlannedTrial("chair", 2)],
+        trials=[Trial("chair", 2)],
         conditions=robot.conditions,
     )
 

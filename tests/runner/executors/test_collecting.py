@@ -15,7 +15,7 @@ from vsnbench.errors import EpisodeClosedError, RecordError, VsnbenchError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.executors.collecting import MergingPool, TaskRunner, store_bundle
 from vsnbench.runner.executors.episode_bundle import EpisodeBundle, run_bundled
@@ -64,7 +64,7 @@ def campaign_of(setup: TrialSetup, path: Path, starts: int) -> Rig:
     results = ResultsDirectory.locate(path)
     results.prepare()
     described = setup.description
-    trials = [PlannedTrial("chair", number) for number in range(1, starts + 1)]
+    trials = [Trial("chair", number) for number in range(1, starts + 1)]
     plan = CampaignPlan(APARTMENT, described.robot, described.model, PARAMETERS, 0, trials, described.conditions)
     journal = Journal.open(results.database_url)
     return Rig(journal, journal.find_or_create_campaign(plan), results, APARTMENT, PARAMETERS)

@@ -12,7 +12,7 @@ from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, PlannedTrial, Trial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.results.writing.journal import Journal
@@ -116,7 +116,7 @@ class Rig:
 def rig(tmp_path: Path) -> Iterator[Rig]:
     results = ResultsDirectory.locate(tmp_path, None)
     results.prepare()
-    trials = [PlannedTrial(PLAN.goal, number) for number in range(1, 9)]
+    trials = [Trial(PLAN.goal, number) for number in range(1, 9)]
     robot = RobotIdentity(PROFILE, "simulated", simulated=True)
     plan = CampaignPlan(PLAN.site, robot, ModelCard("scripted"), PLAN.parameters, 0, trials)
     with Journal.open(results.database_url) as journal:

@@ -10,7 +10,6 @@ import pytest
 
 from tests.processes import has_ended, wait_until
 from vsnbench.runner.executors import process
-from vsnbench.runner.executors.messages import Stop
 from vsnbench.runner.executors.process import (
     ForkServer,
     early_fork_server,
@@ -21,7 +20,7 @@ from vsnbench.runner.stopping.requests import StopAuthor, StopRequest
 from vsnbench.runtime.child_process import adopt_orphans
 from vsnbench.runtime.resources import granted_cores
 
-STOP = Stop(StopRequest(StopAuthor.SYSTEM, "a test"))
+STOP = StopRequest(StopAuthor.SYSTEM, "a test")
 
 
 @pytest.mark.slow

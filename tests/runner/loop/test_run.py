@@ -20,7 +20,7 @@ from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import build
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
@@ -54,7 +54,7 @@ def campaign_of(journal: Journal, *, simulated: bool = False, starts: int = 1):
         model=ModelCard("scripted"),
         protocol=PLAN.parameters,
         seed=0,
-        trials=[PlannedTrial(PLAN.goal, number) for number in range(1, starts + 1)],
+        trials=[Trial(PLAN.goal, number) for number in range(1, starts + 1)],
     )
     return journal.find_or_create_campaign(plan)
 

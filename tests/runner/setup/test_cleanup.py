@@ -11,7 +11,7 @@ from vsnbench.files.atomic import part_path
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.images import depth_path, rgb_path
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.setup.cleanup import sweep_results
@@ -35,7 +35,7 @@ def test_uncommitted_images_and_incomplete_files_are_removed(tmp_path: Path, dea
         ModelCard("scripted"),
         PLAN.parameters,
         0,
-        [PlannedTrial(PLAN.goal, 1)],
+        [Trial(PLAN.goal, 1)],
     )
     with Journal.open(results.database_url) as journal:
         campaign = journal.find_or_create_campaign(plan)

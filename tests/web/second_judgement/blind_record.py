@@ -13,7 +13,7 @@ from tests.web.browser import Browser
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.judging.second import SecondRating
 from vsnbench.sites.site import parse_site
@@ -49,7 +49,7 @@ def make_record(directory: Path) -> None:
     directory.mkdir(exist_ok=True)
     starts = ", ".join(f"{{number: {n}, position: [{1 + n / 10}, 1], heading_deg: 0}}" for n in range(1, STARTS + 1))
     site = parse_site(_SITE % starts, "cell.yaml")
-    trials = [PlannedTrial(goal, start) for goal in ("chair", "sofa") for start in range(1, STARTS + 1)]
+    trials = [Trial(goal, start) for goal in ("chair", "sofa") for start in range(1, STARTS + 1)]
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
         for place, name in enumerate(MODELS):
             given = plan(seed=place)

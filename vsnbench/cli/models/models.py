@@ -100,7 +100,6 @@ def show(name: ModelName, as_json: Json = False) -> None:
         vsnbench models show mylab.policy:Policy --json
     """
     from vsnbench.models.description import describe_model
-    from vsnbench.values.observation import Sensor
 
     with without_prints_of_models(as_json=as_json):
         model = describe_model(name)
@@ -110,8 +109,8 @@ def show(name: ModelName, as_json: Json = False) -> None:
     console = Console()
     console.print(f"[bold]{escape(model.name)}[/bold]: {escape(model.summary)}\n", highlight=False)
     rows = [("class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
-    if model.card is not None and model.card.sensors:
-        rows.append(("sensors", ", ".join(sensor for sensor in Sensor if sensor in model.card.sensors)))
+    if sensors := _sensors(model):
+        rows.append(("sensors", ", ".join(sensors)))
     flags, others = _keywords(model)
     rows.append(("options", ", ".join(flags) or "none"))
     if others:
@@ -211,6 +210,12 @@ def _goals(model: "ModelDescription") -> str:
     return "any" if model.card is None or model.card.goals is None else ", ".join(sorted(model.card.goals))
 
 
+def _sensors(model: "ModelDescription") -> list[str]:
+    from vsnbench.values.observation import Sensor
+
+    return [] if model.card is None else [sensor.value for sensor in Sensor if sensor in model.card.sensors]
+
+
 def _keywords(model: "ModelDescription") -> tuple[list[str], list[str]]:
     """Return the keywords of the class that are options of `vsnbench run`, and the others with their defaults."""
     from vsnbench.models.registry import FLAGS
@@ -249,7 +254,7 @@ def _description_json(model: "ModelDescription") -> dict[str, Any]:
         "class": model.where,
         "summary": model.summary,
         **card_json(model.card, "goals"),
-        "sensors": [] if model.card is None else card_json(model.card, "sensors")["sensors"],
+        "sensors": _sensors(model),
         "options": _keywords(model)[0],
         "keywords": dict(model.keywords),
         "weights_file": model.weights_file or None,

@@ -170,7 +170,7 @@ def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
         table.add_column(name, justify="left" if name in ("action", "") else "right", no_wrap=bool(name))
     for step in steps:
         pose, result = step.world.pose if step.world else step.after, step.result
-        note = (result.failure or result.blocked) if result else "blocked"
+        note = (result.failure if result else "") or step.refusal or ("blocked" if step.blocked else "")
         if step.movement is not None:
             note = f"{movement_text(step.movement)}; {note}".removesuffix("; ")
         if result and result.collision:

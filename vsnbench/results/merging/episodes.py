@@ -13,7 +13,7 @@ from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Process, Step, Trial, Verdict
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial as PlannedTrial
 from vsnbench.results.writing.episodes import attach_images
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests

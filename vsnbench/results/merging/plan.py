@@ -19,7 +19,7 @@ from vsnbench.results.merging.studies import StudiesPlan, plan_studies
 from vsnbench.results.schema.base import Base
 from vsnbench.results.schema.row_encoding import Row
 from vsnbench.results.schema.tables import Campaign, Episode, Event, Model, Robot, Site, Trial
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial as PlannedTrial
 from vsnbench.results.writing.lifecycle import ACTIVE, RESULTS
 
 IDENTITIES: tuple[tuple[type[Base], str, tuple[str, ...]], ...] = (

@@ -261,6 +261,7 @@ class Step(Base):
     """The depth guard blocked the action: counted but not executed."""
     completed: Mapped[bool]
     failure: Mapped[str]
+    """Why the robot did not complete it, or an empty string."""
     recorded_at: Mapped[datetime]
     stamp_s: Mapped[float | None]
     """Time of the image on the robot's clock."""
@@ -299,6 +300,8 @@ class Step(Base):
     rgb_file_digest: Mapped[str | None]
     """Digest of the bytes of the colour file; NULL without a file, and for steps from before schema 0009."""
     depth_file_digest: Mapped[str | None]
+    refusal: Mapped[str]
+    """Why the depth guard refused the action or ended it early, or an empty string."""
 
 
 class Event(Base):

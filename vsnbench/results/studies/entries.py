@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.lifecycle import EpisodeState
 
@@ -32,18 +33,6 @@ class LockedArm:
 
 
 @dataclass(frozen=True, slots=True)
-class LockedTrial:
-    """A scheduled trial of an arm."""
-
-    rank: int
-    block: int
-    arm: str
-    goal: str
-    start: int
-    repetition: int
-
-
-@dataclass(frozen=True, slots=True)
 class StudyLock:
     """Content of a lock."""
 
@@ -54,7 +43,7 @@ class StudyLock:
     seed: int
     blind: bool
     arms: Sequence[LockedArm]
-    trials: Sequence[LockedTrial]
+    trials: Sequence[ScheduledTrial]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, select
 
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.goals import with_goals
 from vsnbench.results.reading.episode_numbers import missing_numbers
 from vsnbench.results.reading.identities import RowFault, identity_faults
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
 from vsnbench.results.schema.tables import Campaign, Episode, Model, Robot, Site, Trial
-from vsnbench.results.studies.entries import LockedTrial
 from vsnbench.results.studies.log import LogEvent, events_of, measured_by_episode, verdicts_by_episode
 from vsnbench.results.studies.writing import logged_entry
 from vsnbench.results.writing.lifecycle import ENDED
@@ -42,7 +42,7 @@ class StudyEvidence:
     log: tuple[LogEvent, ...]
     entries: tuple[Mapping[str, Any], ...]
     """Rows of `study_entry` in the format of the log."""
-    schedule: tuple[LockedTrial, ...]
+    schedule: tuple[ScheduledTrial, ...]
     episodes: Mapping[str, EndedEpisode]
     """UUID -> ended episode."""
     missing_numbers: tuple[int, ...]
@@ -74,7 +74,7 @@ def read_evidence(engine: Engine, study_id: int) -> StudyEvidence:
         )
 
 
-def _schedule(connection: Connection, study_id: int) -> tuple[LockedTrial, ...]:
+def _schedule(connection: Connection, study_id: int) -> tuple[ScheduledTrial, ...]:
     rows = connection.execute(
         select(StudyTrial.rank, StudyTrial.block, StudyArm.name, Trial.goal, Trial.start, Trial.repetition)
         .join(Trial, Trial.id == StudyTrial.trial_id)
@@ -82,7 +82,7 @@ def _schedule(connection: Connection, study_id: int) -> tuple[LockedTrial, ...]:
         .where(StudyTrial.study_id == study_id)
         .order_by(StudyTrial.rank)
     )
-    return tuple(LockedTrial(row[0], row[1], row[2] or "", *row[3:]) for row in rows)
+    return tuple(ScheduledTrial(row[0], row[1], row[2] or "", *row[3:]) for row in rows)
 
 
 def _episodes(connection: Connection, study_id: int) -> Mapping[str, EndedEpisode]:

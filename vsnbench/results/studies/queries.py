@@ -100,7 +100,7 @@ def study_progress(
             rank=row[0],
             block=row[1],
             arm=row[2],
-            trial=KnownTrial(*row[3:8]),
+            trial=KnownTrial(*row[5:8], id=row[3], campaign_id=row[4]),
             episode_id=row[8],
             state=None if row[9] is None else EpisodeState(row[9]),
             success=row[10],

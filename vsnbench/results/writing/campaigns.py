@@ -44,12 +44,16 @@ def card_of_row(row: Any) -> ModelCard:
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedTrial:
-    """A planned trial; `repetition` counts from 1."""
+class Trial:
+    """A trial of a campaign. Trials of the same cell and repetition are equal, planned or in the database."""
 
     goal: str
     start: int
     repetition: int = 1
+    """From 1."""
+    id: int = field(default=0, compare=False, kw_only=True)
+    """0 for a trial that is not in the database."""
+    campaign_id: int = field(default=0, compare=False, kw_only=True)
 
 
 def trial_seed(campaign_seed: int, goal: str, start: int, repetition: int) -> int:
@@ -71,7 +75,7 @@ class CampaignPlan:
     model: ModelCard
     protocol: ProtocolParameters
     seed: int
-    trials: Sequence[PlannedTrial]
+    trials: Sequence[Trial]
     """In running order."""
     conditions: Mapping[str, Any] = field(default_factory=dict)
     """Conditions reported by the robot."""
@@ -94,17 +98,6 @@ class CampaignPlan:
         """Hash of the condition and the seed, without the trials."""
         parts = [self.site.sha256, self.robot.sha256, model_sha256(self.model), self.protocol_sha256]
         return content_sha256([*parts, dict(self.conditions), self.seed])
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """A trial in the database."""
-
-    id: int
-    campaign_id: int
-    goal: str
-    start: int
-    repetition: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,14 +187,15 @@ def find_or_create(connection: Connection, plan: CampaignPlan, process_id: int) 
     )
 
 
-def _trials(connection: Connection, campaign_id: int) -> dict[PlannedTrial, Trial]:
+def _trials(connection: Connection, campaign_id: int) -> dict[Trial, Trial]:
+    """Return the trials of a campaign in the database, each by what is planned of it."""
     rows = connection.execute(select(tables.Trial).where(tables.Trial.campaign_id == campaign_id))
-    cells = ((row.id, PlannedTrial(row.goal, row.start, row.repetition)) for row in rows)
-    return {cell: Trial(number, campaign_id, cell.goal, cell.start, cell.repetition) for number, cell in cells}
+    stored = (Trial(row.goal, row.start, row.repetition, id=row.id, campaign_id=campaign_id) for row in rows)
+    return {trial: trial for trial in stored}
 
 
 def extend_plan(
-    connection: Connection, campaign_id: int, new: Sequence[PlannedTrial], goals: Mapping[str, int] | None = None
+    connection: Connection, campaign_id: int, new: Sequence[Trial], goals: Mapping[str, int] | None = None
 ) -> None:
     """Append new trials to the plan of a campaign, in this order; `goals` are the definitions by name."""
     highest = connection.scalar(select(func.max(tables.Trial.rank)).where(tables.Trial.campaign_id == campaign_id))

@@ -205,7 +205,7 @@ def claim_first(connection: Connection, process_id: int, campaign_id: int, trial
         ).first()
         if row is None or connection.execute(_TAKEN, {"trial": trial_id}).first() is not None:
             continue
-        trial = KnownTrial(row.id, campaign_id, row.goal, row.start, row.repetition)
+        trial = KnownTrial(row.goal, row.start, row.repetition, id=row.id, campaign_id=campaign_id)
         return _claim(connection, process_id, trial, trial_seed(row.seed, row.goal, row.start, row.repetition))
     return None
 

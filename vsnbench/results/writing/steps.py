@@ -182,7 +182,7 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "action": step.action.value,
         "blocked": step.blocked,
         "completed": result is not None and result.completed,
-        "failure": text(result.blocked or result.failure) if result else "",
+        "failure": text(result.failure) if result else "",
         "recorded_at": step.recorded_at or datetime.now(UTC),
         "stamp_s": number(step.stamp_s),
         **pose_columns("observed", step.observed),
@@ -205,6 +205,7 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
         "probabilities": dict(step.probabilities) or None,
         "details": dict(step.details) or None,
         "movement": _movement_json(step),
+        "refusal": text(step.refusal or (result.blocked if result else "")),
     }
 
 
@@ -242,8 +243,8 @@ def step_of_row(row: Any) -> StepRecord:
             turn_rad=_known(row.turn_rad),
             duration_s=_known(row.duration_s),
             collision=collision,
-            failure="" if row.blocked else row.failure,
-            blocked=row.failure if row.blocked else "",
+            failure=row.failure,
+            blocked=row.refusal,
             path_m=path_m,
             corrections=row.corrections,
             pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
@@ -266,6 +267,7 @@ def step_of_row(row: Any) -> StepRecord:
         recorded_at=row.recorded_at,
         movement=movement,
         part=part,
+        refusal=row.refusal,
     )
 
 

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from vsnbench.errors import RobotError
@@ -24,6 +24,7 @@ from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Move
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -64,27 +65,12 @@ class ActiveHazards:
             yield CheckResult("hazards", Health.FAILED, f"the base reports: {active}", advice)
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """Result of a turn.
-
-    Attributes:
-        answered: whether the mover answered True.
-        turned_rad: turn of the odometry; None without odometry.
-        reason: why the turn failed, or an empty string.
-    """
-
-    answered: bool
-    turned_rad: float | None
-    reason: str = ""
-
-
 class TurnTest(SteeredBase):
     """Turns the robot on the spot."""
 
     @abstractmethod
-    def turn(self, movement: Move) -> Turn:
-        """Turn the robot.
+    def turn(self, movement: Move) -> MotionResult | None:
+        """Turn the robot; return what the mover answered and what the odometry turned, or None without odometry.
 
         Raises:
             RobotError: the mover does not answer.
@@ -323,11 +309,11 @@ def _turn_results(test: TurnTest, profile: RobotProfile, image_turns: int) -> It
         except RobotError as error:
             yield CheckResult(what, Health.FAILED, error.statement, error.advice or _DEFAULT_ADVICE)
             return
-        if turn.turned_rad is None:
+        if turn is None:
             yield CheckResult(what, Health.FAILED, "no odometry", "start the driver of the base")
             return
-        result = turn_result(what, turn_rad, turn.turned_rad, answered=turn.answered)
-        yield replace(result, advice=turn.reason) if turn.reason and not turn.answered else result
+        result = turn_result(what, turn_rad, turn.turn_rad, answered=turn.completed)
+        yield replace(result, advice=turn.failure) if turn.failure and not turn.completed else result
         if result.health is Health.FAILED:
             return
         if sign > 0:

@@ -16,7 +16,7 @@ from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.images import image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -27,6 +27,7 @@ from vsnbench.ros.ros1.interface import KOBUKI_STATE, Ros1Interface, ros1_interf
 from vsnbench.ros.ros1.master import Master, MasterError, SystemState
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Move
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -120,16 +121,15 @@ class Ros1Checkup(RosCheckup, TurnTest):
                 yield battery_result(battery)
 
     def _mover_results(self, *, move: bool) -> Iterator[CheckResult]:  # noqa: ARG002
-        from vsnbench.ros.ros1.service_call import ServiceRefusedError
+        from vsnbench.ros.ros1.service_call import REFUSED
 
         name = self.names.discrete_move
         try:
             trip_s = self._client().probe()
-        except ServiceRefusedError as error:
-            advice = error.advice or "end the server, which has another version of discrete_move/DiscreteServer"
-            yield CheckResult(name, Health.FAILED, error.statement, advice)
         except RobotError as error:
             advice = f"start it: vsnbench robots serve {self.profile.argument}"
+            if error.code == REFUSED:
+                advice = error.advice or "end the server, which has another version of discrete_move/DiscreteServer"
             yield CheckResult(name, Health.FAILED, error.statement, advice)
         else:
             yield CheckResult(name, Health.OK, f"discrete_move/DiscreteServer, {trip_s * 1000:.0f} ms")
@@ -193,8 +193,8 @@ class Ros1Checkup(RosCheckup, TurnTest):
                 remote.add(node)
         return frozenset(remote)
 
-    def turn(self, movement: Move) -> Turn:
-        """Turn the robot by the server of discrete_move.
+    def turn(self, movement: Move) -> MotionResult | None:
+        """Turn the robot by the server of discrete_move; see `TurnTest.turn`.
 
         Raises:
             RobotError: the server does not answer.
@@ -209,8 +209,8 @@ class Ros1Checkup(RosCheckup, TurnTest):
         answered = bool(self._client().call(DiscreteServerRequest(*words), timeout_s).response)
         after = self._heading_rad()
         if before is None or after is None:
-            return Turn(answered, None)
-        return Turn(answered, math.remainder(after - before, math.tau))
+            return None
+        return MotionResult(answered, turn_rad=math.remainder(after - before, math.tau))
 
     @property
     def now_s(self) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, Turn, TurnTest, expected_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.link import connect
@@ -34,6 +34,7 @@ from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Move
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -227,8 +228,8 @@ class _TurnTest(TurnTest):
         """Return the active hazard sensors, or an empty string."""
         return ", ".join(sorted({hazard.value for hazard, _ in self._link.snapshot().active_hazards}))
 
-    def turn(self, movement: Move) -> Turn:
-        """Turn the robot.
+    def turn(self, movement: Move) -> MotionResult | None:
+        """Turn the robot; see `TurnTest.turn`.
 
         Raises:
             RobotError: the mover does not answer.
@@ -240,8 +241,8 @@ class _TurnTest(TurnTest):
         now = link.snapshot()
         reason = now.outcome.failure if now.outcome is not None else ""
         if before is None or now.latest is None:
-            return Turn(answered, None, reason)
-        return Turn(answered, now.latest.pose.heading_rad - before.pose.heading_rad, reason)
+            return None
+        return MotionResult(answered, turn_rad=now.latest.pose.heading_rad - before.pose.heading_rad, failure=reason)
 
     def newest_images(self) -> Mapping[str, Any]:
         """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""

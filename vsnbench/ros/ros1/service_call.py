@@ -22,28 +22,15 @@ _WATCH_PERIOD_S = 0.05
 _LARGEST_ANSWER = 1 << 20
 
 
+TIMEOUT, UNAVAILABLE, REFUSED = "service-timeout", "service-unavailable", "service-refused"
+"""Codes: the server did not answer in time; no node offers the service, or its server disappeared; the server refused
+the call, because its type differs or its handler failed."""
+
+
 class ServiceError(NoAnswerError):
-    """A service call without an answer."""
+    """A service call without an answer; its code says why."""
 
     code = "service"
-
-
-class ServiceTimeoutError(ServiceError):
-    """The server did not answer within the deadline."""
-
-    code = "service-timeout"
-
-
-class ServiceUnavailableError(ServiceError):
-    """No node offers the service, or its server disappeared."""
-
-    code = "service-unavailable"
-
-
-class ServiceRefusedError(ServiceError):
-    """The server refused the call: its type differs, or its handler failed."""
-
-    code = "service-refused"
 
 
 class ServiceClient:
@@ -59,20 +46,21 @@ class ServiceClient:
         """Look the address of the service up and keep it.
 
         Raises:
-            ServiceUnavailableError: no node offers the service, or its host is unknown here.
+            ServiceError: no node offers the service, or its host is unknown here.
             MasterError: the master does not answer.
         """
         try:
             uri = urlparse(self._master.service_uri(self.name))
             found = socket.getaddrinfo(uri.hostname, uri.port, type=socket.SOCK_STREAM)
         except LookupError as error:
-            raise ServiceUnavailableError(
-                f"no node offers {self.name}", advice="start the node that offers it"
+            raise ServiceError(
+                f"no node offers {self.name}", advice="start the node that offers it", code=UNAVAILABLE
             ) from error
         except (OSError, ValueError) as error:
-            raise ServiceUnavailableError(
+            raise ServiceError(
                 f"{self.name} is offered at {uri.geturl()}, whose host name cannot be resolved here ({error})",
                 advice="set ROS_IP or ROS_HOSTNAME on the robot (docs/robot.md)",
+                code=UNAVAILABLE,
             ) from error
         self._address = (str(found[0][4][0]), int(found[0][4][1]))
         return self._address
@@ -161,7 +149,7 @@ class _Call:
         except OSError as error:
             raise self._failure(error) from error
         if (reason := _fields(answer).get("error")) is not None:
-            raise ServiceRefusedError(f"{self._name} refuses the call: {reason}")
+            raise ServiceError(f"{self._name} refuses the call: {reason}", code=REFUSED)
 
     def exchange(self, body: bytes, watch: Callable[[], None] | None) -> bytes:
         """Send the request and return the body of the answer."""
@@ -173,7 +161,7 @@ class _Call:
         except OSError as error:
             raise self._failure(error) from error
         if not succeeded:
-            raise ServiceRefusedError(f"{self._name} failed: {answer.decode('utf-8', 'replace')}")
+            raise ServiceError(f"{self._name} failed: {answer.decode('utf-8', 'replace')}", code=REFUSED)
         return answer
 
     def _begin(self, stage: str, limit_s: float) -> None:
@@ -211,12 +199,13 @@ class _Call:
 
     def _failure(self, error: OSError) -> ServiceError:
         if isinstance(error, TimeoutError):
-            return ServiceTimeoutError(
+            return ServiceError(
                 f"{self._name} did not answer within {self._limit_s:.1f} s ({self._stage})",
                 advice="its server hangs or is unreachable: restart it",
+                code=TIMEOUT,
             )
-        return ServiceUnavailableError(
-            f"{self._name} disappeared ({self._stage}): {error}", advice="restart its server"
+        return ServiceError(
+            f"{self._name} disappeared ({self._stage}): {error}", advice="restart its server", code=UNAVAILABLE
         )
 
 

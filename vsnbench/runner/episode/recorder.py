@@ -229,6 +229,7 @@ class EpisodeRecorderFanOut:
             details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
             movement=decision.movement,
             part=step.part,
+            refusal=step.refusal,
         )
         self._journal.append_step(self._claim.id, record)
         self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))

@@ -50,7 +50,7 @@ class CampaignSource(TrialSource):
 
     def _trial(self, number: int) -> Trial:
         """Return a trial of the campaign. If only an earlier request planned it, its cell is known from its claim."""
-        return self._trials.get(number) or Trial(number, self._campaign.id, goal="", start=0, repetition=0)
+        return self._trials.get(number) or Trial("", 0, id=number, campaign_id=self._campaign.id)
 
     def result(self, stopped_because: str) -> SessionResult:
         """Combine the counts of the session with the state of the campaign at its end."""

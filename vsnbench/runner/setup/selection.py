@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.fit.goal import misfit
-from vsnbench.results.writing.campaigns import PlannedTrial
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.sites.categories import CATEGORIES, GOAL_CATEGORIES, canonical_category, near_category
 from vsnbench.sites.site import Site, embedded_sites, load_site
 from vsnbench.sites.targets import kind_of
@@ -22,14 +22,14 @@ def plan_trials(
     starts: Sequence[int],
     repetitions: int,
     excluded: Container[tuple[str, int]] = (),
-) -> tuple[PlannedTrial, ...]:
+) -> tuple[Trial, ...]:
     """Return goals x starting positions x repetitions in the order of running, without `Site.excluded` pairs.
 
     Raises:
         UsageError: no trial is left.
     """
     trials = [
-        PlannedTrial(goal, start, repetition)
+        Trial(goal, start, repetition)
         for repetition in range(1, repetitions + 1)
         for goal in goals
         for start in starts

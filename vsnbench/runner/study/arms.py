@@ -12,7 +12,7 @@ from vsnbench.errors import StudyError, UsageError
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.protocol.free_space import free_space
 from vsnbench.results.studies.entries import RecordedStudy
-from vsnbench.results.writing.campaigns import CampaignPlan, PlannedTrial
+from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
 from vsnbench.runner.setup.launch import check_survey
@@ -91,12 +91,10 @@ class StudyPlace:
             for name, value in self.study.arms[arm].options.items()
         }
 
-    def trials(self, arm: str) -> tuple[PlannedTrial, ...]:
+    def trials(self, arm: str) -> tuple[Trial, ...]:
         """Return an arm's trials in the order of the schedule."""
         return tuple(
-            PlannedTrial(trial.goal, trial.start, trial.repetition)
-            for trial in self.schedule.trials
-            if trial.arm == arm
+            Trial(trial.goal, trial.start, trial.repetition) for trial in self.schedule.trials if trial.arm == arm
         )
 
     @property

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from vsnbench.errors import VsnbenchError
+from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.reading.episode_numbers import as_ranges
-from vsnbench.results.studies.entries import AMEND, LOCK, UNBLIND, LockedTrial, RecordedStudy
+from vsnbench.results.studies.entries import AMEND, LOCK, UNBLIND, RecordedStudy
 from vsnbench.results.studies.evidence import EndedEpisode, StudyEvidence
 from vsnbench.results.studies.log import ENTRY, OUTCOME, LogEvent, heads_of
 from vsnbench.runner.setup.selection import choose_starts
 from vsnbench.sites.site import Site
 from vsnbench.study.file import StudyFile
 from vsnbench.study.lock import LockNote, sha256_of
-from vsnbench.study.schedule import Schedule, ScheduledTrial, schedules_of
+from vsnbench.study.schedule import Schedule, schedules_of
 from vsnbench.text.sanitize import counted, sanitize
 
 
@@ -107,8 +108,7 @@ class _Check:
     def schedule_differences(self) -> Iterator[str]:
         recorded, rows = self.recorded, self.evidence.schedule
         codes = {arm.name: arm.code for arm in recorded.arms}
-        trials = (ScheduledTrial(row.rank, row.block, row.arm, row.goal, row.start, row.repetition) for row in rows)
-        now = Schedule(tuple(trials), codes)
+        now = Schedule(rows, codes)
         noted = self.note.schedule_sha256 if self.note is not None else ""
         logged = {str(lock.get("schedule")) for lock in self.locks}
         locked = logged | ({noted} if noted else set())
@@ -147,7 +147,7 @@ class _Check:
                 yield f"arm {code} was another campaign (model, robot, site, protocol) when it was locked"
 
     def _against_the_draw(
-        self, drawn: Schedule, rows: Sequence[LockedTrial], codes: Mapping[str, str]
+        self, drawn: Schedule, rows: Sequence[ScheduledTrial], codes: Mapping[str, str]
     ) -> Iterator[str]:
         if not self.locks:
             for name, code in drawn.codes.items():
@@ -165,7 +165,7 @@ class _Check:
         for row in found.values():
             yield f"trial {row.rank + 1} is {self._trial(row)} and was not planned"
 
-    def _trial(self, trial: ScheduledTrial | LockedTrial | EndedEpisode) -> str:
+    def _trial(self, trial: ScheduledTrial | EndedEpisode) -> str:
         repetition = f", repetition {trial.repetition}" if trial.repetition > 1 else ""
         return f"{self._arm(trial.arm)} on {trial.goal} from {trial.start}{repetition}"
 
@@ -211,7 +211,7 @@ class _Check:
     def _episode_differences(self, logged: Sequence[Mapping[str, Any]], now: EndedEpisode | None) -> Iterator[str]:
         most = max(outcome["verdicts"] for outcome in logged)
         latest = [outcome for outcome in logged if outcome["verdicts"] == most]
-        where = LockedTrial(0, 0, *(latest[-1][name] for name in ("arm", "goal", "start", "repetition")))
+        where = ScheduledTrial(0, 0, *(latest[-1][name] for name in ("arm", "goal", "start", "repetition")))
         result = _verdict(latest[-1]["verdict"], latest[-1]["state"])
         if now is None:
             yield f"an episode was deleted: {self._trial(where)}, which was {result}"

@@ -2,7 +2,7 @@
 
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.studies.entries import LockedArm, LockedTrial, RecordedStudy, StudyLock
+from vsnbench.results.studies.entries import LockedArm, RecordedStudy, StudyLock
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.setup.trial_setup import close_policy
 from vsnbench.runner.study.arms import StudyPlace, check_progress
@@ -55,9 +55,6 @@ def lock(place: StudyPlace, text: str, results: ResultsDirectory) -> RecordedStu
                 seed=place.study.seed,
                 blind=place.study.blind,
                 arms=arms,
-                trials=[
-                    LockedTrial(trial.rank, trial.block, trial.arm, trial.goal, trial.start, trial.repetition)
-                    for trial in place.schedule.trials
-                ],
+                trials=place.schedule.trials,
             )
         )

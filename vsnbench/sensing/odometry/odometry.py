@@ -3,7 +3,6 @@
 import math
 from collections import deque
 from dataclasses import dataclass
-from enum import StrEnum
 
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -34,21 +33,13 @@ class OdometryReading:
     """Time of arrival on the monotonic clock of this process."""
 
 
-class OdometryFaultKind(StrEnum):
-    """Kind of a fault."""
-
-    NOT_FINITE = "not finite"
-    """The reading was dropped."""
-    JUMPED = "jumped"
-    """The reading was kept, because the base may have been reset."""
-
-
 @dataclass(frozen=True, slots=True)
 class OdometryFault:
     """Fault of one reading."""
 
-    kind: OdometryFaultKind
     text: str
+    is_dropped: bool = False
+    """Whether the reading was dropped, because it is not finite; a jump is kept, the base may have been reset."""
 
 
 def heading_of_quaternion(x: float, y: float, z: float, w: float) -> float:
@@ -75,7 +66,7 @@ class OdometryTracker:
         """
         if not all(map(math.isfinite, (x_m, y_m, heading_rad, stamp_s))):
             text = f"odometry is not finite: x {x_m:g}, y {y_m:g}, heading {heading_rad:g}"
-            return OdometryFault(OdometryFaultKind.NOT_FINITE, text)
+            return OdometryFault(text, is_dropped=True)
         last = self.latest
         if last is None:
             self.latest = OdometryReading(Pose(x_m, y_m, heading_rad), stamp_s, arrival_s)
@@ -94,7 +85,7 @@ class OdometryTracker:
 
 
 def _jumped(far: str, elapsed_s: float) -> OdometryFault:
-    return OdometryFault(OdometryFaultKind.JUMPED, f"odometry jumped {far} in {elapsed_s:.2f} s")
+    return OdometryFault(f"odometry jumped {far} in {elapsed_s:.2f} s")
 
 
 class ClockOffset:

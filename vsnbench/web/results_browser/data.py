@@ -194,6 +194,7 @@ def _step(step: StepRecord) -> dict[str, Any]:
         "action": movement_text(step.movement) if step.movement is not None else step.action.value,
         "raw_action": step.raw_action,
         "blocked": step.blocked,
+        "refusal": step.refusal,
         "failure": step.result.failure if step.result else "",
         "touched": (collision.touched or "unknown object") if collision else "",
         "time_s": _rounded(step.stamp_s, 2),

@@ -45,7 +45,7 @@ class Player {
       this.image.alt = `camera before action ${step.number}`;
       for (const next of steps.slice(place + 1, place + PRELOADED)) new Image().src = `images/${row.id}/${next.number}.jpg`;
     }
-    const notes = [step.blocked && "blocked by the depth guard", step.touched && `collision: ${step.touched}`, step.failure]
+    const notes = [step.blocked && "blocked by the depth guard", step.refusal, step.touched && `collision: ${step.touched}`, step.failure]
       .filter(Boolean);
     const raw = step.raw_action && step.raw_action !== step.action ? ` (${step.raw_action})` : "";
     this.action.replaceChildren(make("strong", {}, `${step.action.replaceAll("_", " ").toLowerCase()}${raw}`),
