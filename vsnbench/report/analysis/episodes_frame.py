@@ -119,41 +119,37 @@ class Codes:
         return Codes(self.numbers[rows], self.names)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class EpisodeColumns:
-    """Columns of `ReportData.episodes` as arrays with one entry per episode."""
+    """Some rows of `ReportData.episodes`: an attribute is a column, as an array with one entry per episode.
 
-    episode: Integers
-    condition: Integers
-    goal: Codes
-    start: Integers
-    state: Codes
-    end_reason: Codes
-    success: NDArray[np.bool_]
-    actions: Integers
-    spl: Floats
-    soft_spl: Floats
-    progress: Floats
-    sct: Floats
-    duration_s: Floats
-    thinking_s: Floats
-    distance_m: Floats
-    shortest_m: Floats
+    A column is read when it is asked for, so that many groups of the same episodes take little memory.
+    """
+
+    __slots__ = ("_columns", "_rows")
+
+    def __init__(self, columns: Mapping[str, Any], rows: Integers) -> None:
+        """Take rows of columns; those of categories are `Codes`."""
+        self._columns, self._rows = columns, rows
 
     @classmethod
     def of(cls, episodes: "pd.DataFrame") -> Self:
-        """Return the columns of rows of `ReportData.episodes`."""
+        """Return all rows of `ReportData.episodes`, without the columns of texts and times."""
+        columns = {
+            str(name): Codes(values.cat.codes.to_numpy(), list(values.cat.categories))
+            if values.dtype == "category"
+            else values.to_numpy()
+            for name, values in episodes.items()
+            if values.dtype == "category" or values.dtype.kind in "biuf"
+        }
+        return cls(columns, np.arange(len(episodes)))
 
-        def column(name: str) -> Any:
-            values = episodes[name]
-            if name in ("goal", "state", "end_reason"):
-                return Codes(values.cat.codes.to_numpy(), list(values.cat.categories))
-            return values.to_numpy()
-
-        return cls(*(column(name) for name in cls.__slots__))
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._columns:
+            raise AttributeError(name)
+        return self._columns[name][self._rows]
 
     def __getitem__(self, rows: Rows) -> Self:
-        return type(self)(*(getattr(self, name)[rows] for name in self.__slots__))
+        return type(self)(self._columns, self._rows[rows])
 
     def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
         """Yield each number and its episodes, in the order of the rows.
