@@ -54,15 +54,16 @@ def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None
 def episode_rows(engine: Engine, fields: Fields) -> list[list[Any]]:
     """Return some quantities of all episodes, the number among them, by number; for lists that are too long for values.
 
-    Tags stand in the end of a row.
+    `fields` must have the number and the tags.
     """
     query = episodes_of_campaigns(*fields.columns()).order_by(tables.EpisodeRow.id)
     place = fields.names.index("id")
     with transaction(reading(engine)) as connection:
         rows = list(fields.rows(connection.execute(query)))
         tags = tags_of(connection, (row[place] for row in rows))
+    end = fields.names.index("tags")
     for row in rows:
-        row.append(tags.get(row[place], ()))
+        row.insert(end, tags.get(row[place], ()))
     return rows
 
 
