@@ -57,7 +57,7 @@ def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definiti
     assert report.counted()["success"].tolist() == [True] * 6
     assert report.goals["to-the-kitchen"].kind is GoalKind.INSTRUCTION
     (summary,) = summarise(report).conditions
-    totals = {kind: (total.successes, total.planned) for kind, total in summary.kinds.items()}
+    totals = {total.kind: (total.successes, total.planned) for total in summary.kinds}
     assert totals == {
         GoalKind.CATEGORY: (2, 2),
         GoalKind.TEXT: (2, 2),
@@ -69,7 +69,7 @@ def test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definiti
 def test_a_report_of_categories_has_no_totals_by_kind(site: Path, tmp_path: Path) -> None:
     results = run(site, "chair,bed", tmp_path / "r", model="random")
     (summary,) = summarise(read(results.database_url, Selection())).conditions
-    assert summary.kinds == {}
+    assert summary.kinds == ()
 
 
 def test_a_changed_goal_is_refused_in_its_campaign_and_not_pooled_with_others(site: Path, tmp_path: Path) -> None:

@@ -165,7 +165,7 @@ def test_only_simulated_noise_is_noise(sqlite: str, after: Engine) -> None:
 
 def test_the_latest_judgement_still_stands(after: Engine) -> None:
     taped = episode_record(after, 7)
-    assert (taped.success, taped.distance_to_goal_m, taped.distance_source) == (
+    assert (taped.success, taped.distance_m, taped.distance_source) == (
         True, 0.84, "tape",
     )  # fmt: skip
     assert [verdict.author for verdict in taped.verdicts] == ["vsnbench", "grace"]
