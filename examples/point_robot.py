@@ -23,6 +23,9 @@ from vsnbench import (
     Sensor,
     Site,
     StartingPosition,
+    Trajectory,
+    Velocity,
+    Waypoint,
     kind_of_class,
     load_profile,
 )
@@ -61,11 +64,13 @@ class PointRobot(Robot):
         rgb = self._rng.integers(120, 136, (camera.height, camera.width, 3), np.uint8)
         return Observation(rgb, None, self._odometry, self._clock_s, camera)
 
-    def drive(self, movement: Move, watch: object = None) -> MotionResult:
+    def drive(self, movement: Move | Waypoint | Trajectory | Velocity, watch: object = None) -> MotionResult:
         """Return the measured displacement and turn; of this robot, they are the requested ones.
 
         Without other `action_kinds`, every movement is an action of the paper: a turn, a straight move, or no motion.
         """
+        if not isinstance(movement, Move):
+            raise RobotError("this robot has no paths and velocities")
         self._odometry = self._odometry.compose(Pose(movement.distance_m, 0.0, movement.turn_rad))
         self._clock_s += ACTION_DURATION_S
         return MotionResult(True, movement.distance_m, movement.turn_rad, ACTION_DURATION_S, pose=self._odometry)

@@ -98,7 +98,11 @@ def test_clients_that_say_nothing_take_a_bounded_number_of_threads(
         while sum(map(closed_by_server, clients)) < len(clients) - SPARE_CONNECTIONS - 1:
             assert time.monotonic() < give_up, "the server has too many connections"
             time.sleep(0.02)
-        assert len(list(threads.iterdir())) - before <= 2 * (SPARE_CONNECTIONS + 1)
+        while len(list(threads.iterdir())) - before > 2 * (
+            SPARE_CONNECTIONS + 1
+        ):  # those of closed connections end soon
+            assert time.monotonic() < give_up, "the server has too many threads"
+            time.sleep(0.02)
         kept_open.close()
         policy = connected(url)
         policy.reset("chair", 1)
