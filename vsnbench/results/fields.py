@@ -4,9 +4,10 @@ The name, the type, the SQL expression and the meaning of a quantity stand in it
 the columns of tables, the JSON object and its schema are derived from it. Units are in the names: `_m`, `_s`, `_rad`.
 """
 
+import dataclasses
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import datetime
 from enum import StrEnum
 from functools import cache, reduce
@@ -98,14 +99,14 @@ def quantity(
 ) -> Any:
     """Declare a field of a dataclass as a quantity of a record; see `Field`."""
     declared = {"meaning": meaning, "sql": sql, "decode": decode, "absent": absent}
-    return field(metadata={_DECLARATION: declared | {"is_hidden": hidden, "column": column}})
+    return dataclasses.field(metadata={_DECLARATION: declared | {"is_hidden": hidden, "column": column}})
 
 
 class Fields:
     """The quantities of one kind of thing, in order."""
 
     def __init__(self, declared: Iterable[Field]) -> None:
-        self._by_name = {one.name: one for one in declared}
+        self._by_name = {field.name: field for field in declared}
 
     def __iter__(self) -> Iterator[Field]:
         return iter(self._by_name.values())
@@ -121,7 +122,7 @@ class Fields:
     @property
     def hidden(self) -> frozenset[str]:
         """Names of the quantities that an arm of a blinded study does not have."""
-        return frozenset(one.name for one in self if one.is_hidden)
+        return frozenset(field.name for field in self if field.is_hidden)
 
     def only(self, *names: str) -> "Fields":
         """Return some of the quantities, in this order."""
@@ -129,14 +130,14 @@ class Fields:
 
     def but(self, *names: str) -> "Fields":
         """Return the quantities except some."""
-        return Fields(one for one in self if one.name not in names)
+        return Fields(field for field in self if field.name not in names)
 
     def columns(self) -> list[Any]:
         """Return the SQL expressions to select, each once; hidden quantities of blinded arms are NULL.
 
         The query must join Campaign if a quantity is hidden.
         """
-        wanted = {(id(expression), one.is_hidden): expression for one in self for expression in one.sql}
+        wanted = {(id(expression), field.is_hidden): expression for field in self for expression in field.sql}
         return [
             case((CODE.is_(None), expression), else_=None) if is_hidden else expression
             for (_, is_hidden), expression in wanted.items()
@@ -146,10 +147,10 @@ class Fields:
         """Yield the values of rows of `columns`: one for each quantity that is read, in order."""
         places: dict[tuple[int, bool], int] = {}
         readers: list[tuple[int, Callable[..., Any] | None, tuple[int, ...]]] = []
-        for one in self:
-            own = tuple(places.setdefault((id(expression), one.is_hidden), len(places)) for expression in one.sql)
+        for field in self:
+            own = tuple(places.setdefault((id(expression), field.is_hidden), len(places)) for expression in field.sql)
             if own:
-                readers.append((own[0], one.decode, own))
+                readers.append((own[0], field.decode, own))
         for row in selected:
             yield [
                 row[first] if decode is None else decode(*[row[place] for place in own])
@@ -158,9 +159,9 @@ class Fields:
 
     def read(self, kind: type[Value], selected: Iterable[Sequence[Any]], **others: Any) -> Iterator[Value]:
         """Yield the values of a type, of rows of `columns`; `others` are the quantities that a SELECT does not read."""
-        names = [one.name for one in self if one.sql]
+        names = [field.name for field in self if field.sql]
         of_kind: Any = kind
-        if names == [one.name for one in fields(of_kind)][: len(names)]:
+        if names == [field.name for field in fields(of_kind)][: len(names)]:
             for values in self.rows(selected):
                 yield kind(*values, **others)
             return
@@ -169,19 +170,19 @@ class Fields:
 
     def json(self, value: Any) -> dict[str, Any]:
         """Return a value as a JSON object."""
-        return {one.name: one.of(value) for one in self}
+        return {field.name: field.of(value) for field in self}
 
     def headings(self) -> list[str]:
         """Return the names of the columns of a table; poses have a column for each number."""
-        return [f"{one.heading}{suffix}" for one in self for suffix in _suffixes(one.type)]
+        return [f"{field.heading}{suffix}" for field in self for suffix in _suffixes(field.type)]
 
     def cells(self, value: Any) -> list[Any]:
         """Return the row of a value, for the columns of `headings`; unknown values are empty."""
-        return [cell for one in self for cell in _cells(one, one.raw(value))]
+        return [cell for field in self for cell in _cells(field, field.raw(value))]
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of an object of `json`."""
-        properties = {one.name: {**schema_of(one.type), "description": one.description()} for one in self}
+        properties = {field.name: {**schema_of(field.type), "description": field.description()} for field in self}
         return {"type": "object", "properties": properties, "required": list(self.names)}
 
 
@@ -190,9 +191,9 @@ def fields_of(kind: type[Any]) -> Fields:
     """Return the quantities that are declared as fields of a dataclass."""
     hints = get_type_hints(kind)
     return Fields(
-        Field(one.name, hints[one.name], **one.metadata[_DECLARATION])
-        for one in fields(kind)
-        if _DECLARATION in one.metadata
+        Field(field.name, hints[field.name], **field.metadata[_DECLARATION])
+        for field in fields(kind)
+        if _DECLARATION in field.metadata
     )
 
 
@@ -207,7 +208,7 @@ def as_json(value: Any) -> Any:
     """Return a value of a quantity as JSON; times stay values, which the encoder writes in ISO 8601."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
-    return [as_json(one) for one in value] if isinstance(value, tuple) else value
+    return [as_json(item) for item in value] if isinstance(value, tuple) else value
 
 
 def schema_of(kind: Any) -> dict[str, Any]:
@@ -237,8 +238,8 @@ def _suffixes(kind: Any) -> tuple[str, ...]:
     return _OF_FIX if Fix in kinds else _OF_POSE if Pose in kinds else ("",)
 
 
-def _cells(one: Field, value: Any) -> list[Any]:
-    suffixes = _suffixes(one.type)
+def _cells(field: Field, value: Any) -> list[Any]:
+    suffixes = _suffixes(field.type)
     if value is None:
         return [""] * len(suffixes)
     if isinstance(value, Fix):

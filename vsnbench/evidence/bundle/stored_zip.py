@@ -90,6 +90,7 @@ class StoredZipReader:
         try:
             self._infos = zipfile.ZipFile(file).infolist()
         except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
+            # zipfile has each of these for a damaged directory: NotImplementedError for a version it does not know.
             raise _damaged(f"its directory is damaged ({error})", "damaged-bundle") from error
         self.names = [info.filename for info in self._infos]
         for info in self._infos:

@@ -69,7 +69,7 @@ def write_metadata(
 
 def _recorded(frames: EpisodeFrames) -> dict[str, Any]:
     """Return what the record has about an episode, for filters such as `episode_filter`."""
-    return {f"vsnbench/{one.heading}": one.of(frames.episode) for one in _RECORDED}
+    return {f"vsnbench/{field.heading}": field.of(frames.episode) for field in _RECORDED}
 
 
 def _as_lists(found: Statistics) -> dict[str, Any]:

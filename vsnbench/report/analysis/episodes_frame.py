@@ -69,7 +69,8 @@ _ORDER = (
 
 def _meanings() -> dict[str, str]:
     nothing = {float: "NaN", datetime: "NaT"}
-    found = {one.heading: one.description(nothing.get(one.base, "None")) for one in _OF_RECORD} | _COMPUTED
+    recorded = {quantity.heading: quantity.description(nothing.get(quantity.base, "None")) for quantity in _OF_RECORD}
+    found = recorded | _COMPUTED
     return {name: found[name] for name in _ORDER}
 
 
@@ -210,7 +211,8 @@ def episodes_query() -> Select[Any]:
     """Select the quantities of `_OF_RECORD` of every episode, ordered by number."""
     # Truths and times are untyped: numpy and pandas convert them at once, SQLAlchemy one by one.
     columns = (
-        type_coerce(one.sql[0], NullType()) if one.base in (bool, datetime) else one.sql[0] for one in _OF_RECORD
+        type_coerce(quantity.sql[0], NullType()) if quantity.base in (bool, datetime) else quantity.sql[0]
+        for quantity in _OF_RECORD
     )
     return episodes_of_trials(*columns).order_by(EpisodeRow.id)
 
@@ -258,14 +260,15 @@ def _typed(columns: Sequence[Sequence[Any]]) -> "pd.DataFrame":
     import pandas as pd
 
     typed: dict[str, Any] = {}
-    for one, values in zip(_OF_RECORD, columns, strict=True):
-        if one.base is float:
+    for quantity, values in zip(_OF_RECORD, columns, strict=True):
+        if quantity.base is float:
             numbers = np.array(values, np.float64)
-            typed[one.heading] = np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities
-        elif one.base is datetime:
-            typed[one.heading] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
+            # Other writers may store infinities.
+            typed[quantity.heading] = np.where(np.isfinite(numbers), numbers, np.nan)
+        elif quantity.base is datetime:
+            typed[quantity.heading] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
         else:
-            typed[one.heading] = np.array(values, {int: np.int64, bool: bool}.get(one.base, object))
+            typed[quantity.heading] = np.array(values, {int: np.int64, bool: bool}.get(quantity.base, object))
     return pd.DataFrame(typed)
 
 

@@ -48,7 +48,7 @@ def list_episodes(engine: Engine, which: EpisodeFilter, limit: int | None = None
             rows = connection.execute(query.order_by(tables.EpisodeRow.id.desc()).limit(limit)).all()[::-1]
         found = list(EPISODE.read(Episode, rows, tags=()))
         tags = tags_of(connection, (episode.id for episode in found))
-        return tuple(replace(one, tags=tags[one.id]) if one.id in tags else one for one in found)
+        return tuple(replace(episode, tags=tags[episode.id]) if episode.id in tags else episode for episode in found)
 
 
 def episode_rows(engine: Engine, fields: Fields) -> list[list[Any]]:
