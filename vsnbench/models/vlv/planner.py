@@ -97,8 +97,8 @@ class Planner:
     def route(self, terrain: Terrain, targets: BoolGrid, pose: Pose) -> FloatGrid | None:
         """Return path costs to the nearest target cell that is open, or None if none can be reached from `pose`.
 
-        The costs have the shape (rows, columns) and are in metres: infinite where there is no path, and where a path would
-        cost over `_FIELD_MARGIN_M` more than the robot's.
+        The costs have the shape (rows, columns) and are in metres. They are infinite where there is no path, and where
+        one would cost over `_FIELD_MARGIN_M` more than the robot's.
         """
         sources = np.flatnonzero(targets & terrain.open_cells)
         if sources.size == 0:
