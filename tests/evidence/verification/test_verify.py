@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.test_record_verbs import vsnbench
 from tests.evidence.verification.conftest import Change, change, lines, verified
 from vsnbench.errors import RecordError
 from vsnbench.evidence.bundle.archive import open_bundle
@@ -169,3 +170,35 @@ def test_a_delay_of_the_model_counts_towards_the_limit_of_time(tmp_path: Path) -
     assert (lines(found), counts(found)["replay"]) == ([], (1, 0))
     change(tmp_path / "results", "UPDATE campaign SET conditions = replace(conditions, '1.5', '0.5')")
     assert any(line.startswith("episode 1: end_reason: time_limit") for line in lines(verified(tmp_path / "results")))
+
+
+_SMALL = ("--robot", "simulated:turtlebot2@64x48", "--workers", "1", "--quiet")
+_PUSHER = """
+from vsnbench import Action, Decision, ModelCard, Policy, Sensor
+
+class Pusher(Policy):
+    card = ModelCard(name="pusher", sensors=frozenset({Sensor.RGB, Sensor.DEPTH}))
+
+    def reset(self, goal, seed):
+        self.left = 3
+
+    def act(self, observation):
+        self.left -= 1
+        return Decision(Action.MOVE_FORWARD if self.left >= 0 else Action.STOP)
+"""
+
+
+def test_an_action_that_the_depth_guard_refused_is_driven_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pusher.py").write_text(_PUSHER)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    done = vsnbench(
+        tmp_path / "results", "run", "--model", "pusher:Pusher", "--goal", "chair", "--starts", "1", *_SMALL
+    )
+    assert done.returncode == 0, done.stderr
+    found = verified(tmp_path / "results", replay=None)
+    assert (lines(found), counts(found)["replay"]) == ([], (1, 0))
+    change(tmp_path / "results", "UPDATE step SET refusal = 'obstacle' WHERE refusal LIKE 'obstacle %' AND number = 2")
+    (finding,) = lines(verified(tmp_path / "results", replay=None))
+    assert finding.startswith("step 1/2: refusal")

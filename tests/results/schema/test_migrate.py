@@ -142,7 +142,7 @@ def test_why_the_guard_ended_or_refused_an_action_gets_a_column_of_its_own(sqlit
         connection.execute(
             text(
                 "INSERT INTO event (episode_id, step_number, created_at, kind, author, text) "
-                "VALUES (1, 3, '2026-01-01 00:00:30.000000', 'blocked', '', 'blind')"
+                "VALUES (1, 3, '2026-01-01 00:00:30.000000', 'blocked', '', 'action 3: blind')"
             )
         )
     engine = open_engine(sqlite)

@@ -25,6 +25,7 @@ from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.steps import step_row
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
+from vsnbench.runner.episode.recorder import record_of_step
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import PlacementLook
@@ -192,20 +193,9 @@ class _Comparison:
         """Compare a step with its row."""
         if self.findings or step.index > len(self.steps):
             return
-        recorded, images = self.steps[step.index - 1], hash_images(step.observation)
-        driven = StepRecord(
-            number=step.index,
-            action=step.decision.action,
-            raw_action=step.decision.raw_action,
-            result=step.result,
-            observed=step.observation.pose,
-            stamp_s=step.observation.stamp_s,
-            world=step.site_after,
-            rgb_digest=images.rgb_digest if recorded.rgb_digest else None,
-            depth_digest=images.depth_digest if recorded.depth_digest else None,
-            movement=step.decision.movement,
-        )
-        was, now = step_row(0, replace(recorded, part=None)), step_row(0, driven)
+        recorded, driven = self.steps[step.index - 1], record_of_step(step, hash_images(step.observation))
+        unknown: dict[str, Any] = {name: None for name in ("rgb_digest", "depth_digest") if not getattr(recorded, name)}
+        was, now = step_row(0, replace(recorded, part=None)), step_row(0, replace(driven, part=None, **unknown))
         for column in was:
             if column not in NOT_DRIVEN and was[column] != now[column]:
                 text = f"{was[column]!r}, and driven again {now[column]!r}"

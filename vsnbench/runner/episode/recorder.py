@@ -22,7 +22,7 @@ from vsnbench.results.files.episode_entries import (
     EventEntry,
     StepEntry,
 )
-from vsnbench.results.files.images import EpisodeImages, StampedPose, hash_images
+from vsnbench.results.files.images import EpisodeImages, StampedPose, WrittenImages, hash_images
 from vsnbench.results.files.mark_photos import MarkPhotos
 from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
@@ -209,30 +209,10 @@ class EpisodeRecorderFanOut:
             pending.result()
 
     def _write(self, step: Step) -> None:
-        observation, decision = step.observation, step.decision
-        images = self._images.write(step.index, observation) if self._images else hash_images(observation)
-        rgb_file_digest, depth_file_digest = images.file_digests
-        record = StepRecord(
-            number=step.index,
-            action=decision.action,
-            raw_action=decision.raw_action,
-            result=step.result,
-            observed=observation.pose,
-            stamp_s=observation.stamp_s,
-            world=step.site_after,
-            rgb_digest=images.rgb_digest,
-            depth_digest=images.depth_digest,
-            rgb_file_digest=rgb_file_digest,
-            depth_file_digest=depth_file_digest,
-            timings=step.timings,
-            probabilities=decision.diagnostics.probabilities,
-            details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
-            movement=decision.movement,
-            part=step.part,
-            refusal=step.refusal,
-        )
+        images = self._images.write(step.index, step.observation) if self._images else hash_images(step.observation)
+        record = record_of_step(step, images)
         self._journal.append_step(self._claim.id, record)
-        self._show(StepEntry(record, decision, images.rgb_jpeg, images.depth_png))
+        self._show(StepEntry(record, step.decision, images.rgb_jpeg, images.depth_png))
 
     def _show(self, entry: Entry) -> None:
         if self._sink is not None:
@@ -245,6 +225,31 @@ class EpisodeRecorderFanOut:
         space = free_space(self._plan.site, base.radius_m)
         measure = space.remaining_m if ended else space.geodesic_to_goal_m
         return measure(pose, self._plan.goal, parameters)
+
+
+def record_of_step(step: Step, images: WrittenImages) -> StepRecord:
+    """Return what the record has of a step with these images."""
+    observation, decision = step.observation, step.decision
+    rgb_file_digest, depth_file_digest = images.file_digests
+    return StepRecord(
+        number=step.index,
+        action=decision.action,
+        raw_action=decision.raw_action,
+        result=step.result,
+        refusal=step.refusal,
+        movement=decision.movement,
+        part=step.part,
+        observed=observation.pose,
+        stamp_s=observation.stamp_s,
+        world=step.site_after,
+        rgb_digest=images.rgb_digest,
+        depth_digest=images.depth_digest,
+        rgb_file_digest=rgb_file_digest,
+        depth_file_digest=depth_file_digest,
+        timings=step.timings,
+        probabilities=decision.diagnostics.probabilities,
+        details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
+    )
 
 
 def sensing_details(observation: Observation) -> dict[str, Any]:
