@@ -1,19 +1,22 @@
-"""Writes the JSON schemas of docs/schemas whose objects are declared as measures.
+"""Writes the JSON schemas of docs/schemas whose objects are declared: as measures, or as quantities of a record.
 
     python scripts/json_schemas.py [DIRECTORY]
 
-Objects of common.json that are declared elsewhere, and the schemas of other commands, are written by hand.
+Other objects of these files, and the schemas of other commands, are written by hand.
 """
 
 import json
 import sys
 import textwrap
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from vsnbench.cli.judging.judge import PENDING_FIELDS
 from vsnbench.cli.running.stress_summary import STRESS
 from vsnbench.cli.study.text import PLAN
+from vsnbench.report.analysis.courses import CourseMeasures
 from vsnbench.report.formats.json import COMPARED, MODEL, REPORT
 from vsnbench.report.measures import Measures
 from vsnbench.report.output import FILES
@@ -24,6 +27,9 @@ from vsnbench.report.tables.ranking import RANKING
 from vsnbench.report.tables.sensitivity import DRIFT, RECOUNT
 from vsnbench.report.tables.sim_vs_real import SIM_VS_REAL
 from vsnbench.report.tables.success import GROUP
+from vsnbench.results.fields import Field, Fields, fields_of
+from vsnbench.results.model import CAMPAIGN, EPISODE, EPISODE_RECORD
+from vsnbench.results.step_fields import STEP
 from vsnbench.web.results_browser.website import HEADLINES, WEBSITE
 
 SCHEMAS = Path(__file__).parents[1] / "docs" / "schemas"
@@ -38,13 +44,25 @@ COMMANDS: dict[str, tuple[str, dict[str, Measures]]] = {
     "study-report": ("vsnbench study report --json", {"": STUDY, "with --output": FILES}),
 }
 """File -> title and objects, with the option that each needs."""
-_WIDTH = 120
+_DIRECTORY = Field("directory", str | None, "directory of the episode's files", absent="without files")
+_PROPOSED = (
+    Field("proposal", str | None, "the protocol's proposed verdict in words", absent="for an import"),
+    Field("proposed_success", bool | None, "proposed success", absent="without a proposal or for void"),
+)
+_WIDTH = 130
 
 
-def schemas(common: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the schemas by file, without suffix; `common` is common.json, whose other objects are kept."""
+def schemas(written: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the schemas with declared objects by file, without suffix.
+
+    `written` are the schemas of docs/schemas, whose other objects are kept.
+    """
+    return _of_measures(written["common"]) | _of_quantities(written)
+
+
+def _of_measures(common: Mapping[str, Any]) -> dict[str, Any]:
     objects = {measures.common: measures.schema for measures in COMMON}
-    found = {"common": {**common, "$defs": dict(sorted((common["$defs"] | objects).items()))}}
+    found: dict[str, Any] = {"common": {**common, "$defs": dict(sorted((common["$defs"] | objects).items()))}}
     for file, (title, forms) in COMMANDS.items():
         several = [({"description": when} if when else {}) | measures.schema for when, measures in forms.items()]
         head = {"$schema": common["$schema"], "title": title}
@@ -52,10 +70,31 @@ def schemas(common: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def layout(value: Any, indent: int = 0) -> str:
-    """Return JSON with one value a line, and on one line what fits."""
+def _of_quantities(written: Mapping[str, Any]) -> dict[str, Any]:
+    shown = Fields([*EPISODE_RECORD, *fields_of(CourseMeasures), _DIRECTORY]).schema()
+    steps = {"type": "array", "items": STEP.schema(), "description": "one object per step, in order"}
+    shown["properties"]["steps"] = steps
+    shown["required"].append("steps")
+    found = {
+        "episodes-list": written["episodes-list"] | {"items": EPISODE.schema()},
+        "episodes-show": written["episodes-show"] | shown,
+        "db-status": deepcopy(written["db-status"]),
+        "judge": deepcopy(written["judge"]),
+    }
+    found["db-status"]["properties"]["campaigns"]["items"] = CAMPAIGN.schema()
+    found["judge"]["oneOf"][1]["items"] = Fields([*EPISODE.only(*PENDING_FIELDS), *_PROPOSED]).schema()
+    return found
+
+
+def read_schemas(directory: Path = SCHEMAS) -> dict[str, Any]:
+    """Return the schemas of a directory by file, without suffix."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in directory.glob("*.json")}
+
+
+def layout(value: Any, indent: int = 0, key: str = "") -> str:
+    """Return JSON with one value a line, and on one line what fits, after the key and its indentation."""
     short = json.dumps(value, ensure_ascii=False)
-    if not isinstance(value, dict | list) or (indent and len(short) + indent <= _WIDTH - 5):
+    if not isinstance(value, dict | list) or (indent and len(key) + len(short) + indent <= _WIDTH - 1):
         return short
     pad = " " * (indent + 1)
     if isinstance(value, list) and all(isinstance(item, str) for item in value):
@@ -63,14 +102,14 @@ def layout(value: Any, indent: int = 0) -> str:
         return "[\n" + "\n".join(pad + line for line in lines) + f"\n{' ' * indent}]"
     if isinstance(value, list):
         return "[\n" + ",\n".join(pad + layout(item, indent + 1) for item in value) + f"\n{' ' * indent}]"
-    items = (f"{pad}{json.dumps(key)}: {layout(item, indent + 1)}" for key, item in value.items())
+    keyed = ((f"{json.dumps(name)}: ", item) for name, item in value.items())
+    items = (f"{pad}{name}{layout(item, indent + 1, name)}" for name, item in keyed)
     return "{\n" + ",\n".join(items) + f"\n{' ' * indent}}}"
 
 
 def main(directory: Path = SCHEMAS) -> None:
-    """Write the schemas into a directory that has a common.json."""
-    common = json.loads((directory / "common.json").read_text(encoding="utf-8"))
-    for file, schema in schemas(common).items():
+    """Write the schemas into a directory that has all of them."""
+    for file, schema in schemas(read_schemas(directory)).items():
         (directory / f"{file}.json").write_text(f"{layout(schema)}\n", encoding="utf-8")
 
 

@@ -15,7 +15,6 @@ sys.path.insert(0, str(ROOT))
 from scripts import command_outputs, json_schemas  # noqa: E402 - importable only after the line above
 from scripts.api_page import api_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
-from scripts.record_schemas import main as write_record_schemas  # noqa: E402
 from scripts.schema_page import schema_page  # noqa: E402
 from vsnbench.files.package_data import resource_directory  # noqa: E402
 from vsnbench.results.schema.migrate import NEWEST, newest_sql  # noqa: E402
@@ -83,7 +82,6 @@ def main(docs: Path) -> None:
     json_schemas.main(docs / "schemas")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     _write_newest_sql(resource_directory("migrations") / NEWEST)
-    write_record_schemas()
     MISTAKES_PAGE.write_text(mistakes_page(), encoding="utf-8")
     draw_figures(docs / "figures")
     command_outputs.main()

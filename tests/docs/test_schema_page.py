@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from scripts.record_schemas import SCHEMAS, schemas
 from scripts.schema_page import PAGE, QUERIES, schema_page
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.protocol.judge import EndReason, Verdict
@@ -70,8 +69,3 @@ def test_the_queries_agree_with_the_report(lab: Lab) -> None:
     assert ask(lab, "Trials left") == []
     assert len(ask(lab, "All verdicts of episodes with more")) == 2
     assert [row[0] for row in ask(lab, "Near misses")] == [3]
-
-
-def test_the_schemas_of_episodes_and_campaigns_are_up_to_date() -> None:
-    written = {name: (SCHEMAS / f"{name}.json").read_text(encoding="utf-8") for name in schemas()}
-    assert written == schemas(), "run `make docs`"
