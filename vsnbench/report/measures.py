@@ -81,11 +81,11 @@ class Form:
 
 TEXT = Form({"type": "string"}, number=False)
 COUNT = Form({"type": "integer"}, _count)
-KNOWN_COUNT = Form({"type": "integer"}, _count, null="if unknown")
-UNLESS_KNOWN = "if unknown"
-NUMBER = Form({"type": "number"}, null=UNLESS_KNOWN)
+_UNKNOWN = "if unknown"
+KNOWN_COUNT = Form({"type": "integer"}, _count, null=_UNKNOWN)
+NUMBER = Form({"type": "number"}, null=_UNKNOWN)
 FLAG = Form({"type": "boolean"}, number=False)
-P = Form({"type": "number"}, lambda p: p_cell(math.nan if p is None else p), null=UNLESS_KNOWN)
+P = Form({"type": "number"}, lambda p: p_cell(math.nan if p is None else p), null=_UNKNOWN)
 ANYTHING = Form({"type": "object", "additionalProperties": True})
 COUNTS = Form({"type": "object", "additionalProperties": {"type": "integer"}})
 RATIO = Form({}, lambda parts: of(*parts))
@@ -99,7 +99,7 @@ def decimals(places: int, factor: int = 1, unit: int = 1) -> Form:
     return Form(
         {"type": "number"},
         lambda value: decimal(math.nan if value is None else factor * value / unit, places),
-        null=UNLESS_KNOWN,
+        null=_UNKNOWN,
     )
 
 
@@ -114,7 +114,7 @@ def intervals(places: int = 2, factor: int = 100) -> Form:
         {"type": "number"},
         lambda interval: interval_cell(interval or UNKNOWN, places, factor),
         is_interval=True,
-        null=UNLESS_KNOWN,
+        null=_UNKNOWN,
     )
 
 

@@ -61,9 +61,7 @@ def person_key(name: str) -> str:
 
 def judged_episodes(connection: Connection) -> dict[int, str]:
     """Return the number and UUID of each judged episode with images that counts for its trial."""
-    query = episodes_of_trials(EpisodeRow.id, EpisodeRow.uuid).where(
-        COUNTS, EpisodeRow.state == EpisodeState.JUDGED.value, EpisodeRow.images_directory != ""
-    )
+    query = episodes_of_trials(EpisodeRow.id, EpisodeRow.uuid).where(COUNTS, EpisodeRow.images_directory != "")
     return {row.id: row.uuid for row in connection.execute(query)}
 
 

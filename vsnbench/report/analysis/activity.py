@@ -14,7 +14,6 @@ from vsnbench.results.reading.read_model import COUNTS, RUNNING
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, RobotRow, StepRow, TrialRow
 from vsnbench.results.writing.entries import INTERVENTION
-from vsnbench.results.writing.lifecycle import EpisodeState
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +65,7 @@ def _actions(connection: Connection, condition_of: dict[int, int], trials: Seque
     counted = (
         select(EpisodeRow.id, TrialRow.campaign_id)
         .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
-        .where(*trials, COUNTS, EpisodeRow.state == EpisodeState.JUDGED.value)
+        .where(*trials, COUNTS)
         .offset(0)
         .subquery()
     )

@@ -11,6 +11,7 @@ from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import COUNT, FLAG, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
+from vsnbench.results.model import END_REASONS
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
 from vsnbench.results.writing.imports import IMPORTED
 
@@ -35,12 +36,11 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: ReportResults) 
 
 
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
-_END_REASON = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
 MODEL = Measure("", TEXT, of="model", heading="model")
 """First column of tables with several conditions."""
 ENDS = Measures(
     MODEL,
-    Measure("end_reason", TEXT, _END_REASON, heading="end reason", note=""),
+    Measure("end_reason", TEXT, END_REASONS, heading="end reason", note=""),
     Measure("attempts", COUNT, "number of ended episodes, void ones included", heading="attempts", note=""),
     Measure("counted", COUNT, "number of counted episodes among them", heading="counted", note=""),
     Measure("", percents(), of="share", heading="% of counted", rank=1),

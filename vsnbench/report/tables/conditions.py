@@ -1,19 +1,19 @@
 """What JSON says of a condition: model, robot, site and protocol."""
 
 from vsnbench.report.measures import COUNT, FLAG, NUMBER, TEXT, Measure, Measures
+from vsnbench.results.model import PROVENANCE
 
-_KIND = "kind of robot: `simulated`, `ros1`, `ros2`, `imported` or the class of a plug-in"
 _SURVEYED = "the model receives the site file: an upper bound, not a competitor"
 _ACTIONS, _TIME = "limit of actions per episode", "limit of time per episode on the robot's clock"
 CONDITION = Measures.shared(
     "condition_identity",
     Measure("name", TEXT, "name in tables; unique among the conditions of a report"),
     Measure("model", TEXT, "name of the model"),
-    Measure("weights_label", TEXT, "name or description of the weights; empty without weights"),
-    Measure("weights_sha256", TEXT, "SHA-256 of the weights file; empty without weights"),
+    Measure("weights_label", TEXT, PROVENANCE["weights_label"].meaning),
+    Measure("weights_sha256", TEXT, PROVENANCE["weights_sha256"].meaning),
     Measure("surveyed", FLAG, _SURVEYED),
     Measure("robot", TEXT, "name of the robot profile"),
-    Measure("kind", TEXT, _KIND),
+    Measure("kind", TEXT, PROVENANCE["robot_kind"].meaning),
     Measure("environment", TEXT, "`real` or `simulated`"),
     Measure("published", FLAG, "a result of the paper instead of the record"),
     Measure("site", TEXT, "name of the site"),
