@@ -78,7 +78,7 @@ class Field:
 
     def description(self, nothing: str = "null") -> str:
         """Return the meaning, with what stands for an unknown value."""
-        return f"{self.meaning}; {nothing} {self.absent}" if self.is_optional and self.absent else self.meaning
+        return f"{self.meaning}; {nothing} {self.absent}" if self.is_optional else self.meaning
 
     def raw(self, value: Any) -> Any:
         """Return the quantity of a value."""
@@ -158,15 +158,12 @@ class Fields:
             ]
 
     def read(self, kind: type[Value], selected: Iterable[Sequence[Any]], **others: Any) -> Iterator[Value]:
-        """Yield the values of a type, of rows of `columns`; `others` are the quantities that a SELECT does not read."""
-        names = [field.name for field in self if field.sql]
-        of_kind: Any = kind
-        if names == [field.name for field in fields(of_kind)][: len(names)]:
-            for values in self.rows(selected):
-                yield kind(*values, **others)
-            return
+        """Yield the values of a type, of rows of `columns`.
+
+        Its first fields are the quantities that a SELECT reads, in this order; `others` are the rest.
+        """
         for values in self.rows(selected):
-            yield kind(**dict(zip(names, values, strict=True)), **others)
+            yield kind(*values, **others)
 
     def json(self, value: Any) -> dict[str, Any]:
         """Return a value as a JSON object."""

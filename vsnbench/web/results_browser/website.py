@@ -20,6 +20,7 @@ from vsnbench.report.figures.choose import build_and_draw
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
 from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
+from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.headline import headlines
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
@@ -66,11 +67,7 @@ WEBSITE = Measures(
     Measure("problems", TEXTS, "episodes without a video, and why"),
 )
 """The JSON object of `report --website`."""
-_OF_CONDITION = Measures(
-    Measure("name", TEXT, "name of the condition"),
-    Measure("environment", TEXT, "`simulated` or `real`"),
-    Measure("site", TEXT, "name of the site"),
-)
+_OF_CONDITION = Measures(*map(CONDITION.named, ("name", "environment", "site")))
 _LIMITS = "lower and upper limit of the 95 % interval, each null if unknown"
 _HEADLINE = Measures(
     *_OF_CONDITION.within(lambda row: row[0].condition),
