@@ -31,7 +31,7 @@ class PublishedStops(_Data):
 
 
 class PublishedModel(_Data):
-    """ReportResults of one model on the real robot (paper, Tables 3 to 5)."""
+    """Results of one model on the real robot (paper, Tables 3 to 5)."""
 
     name: str
     title: str

@@ -1,4 +1,4 @@
-"""ReportResults as CSV."""
+"""The results of a report as CSV."""
 
 import csv
 import io
