@@ -55,6 +55,15 @@ def test_stop_needs_no_odometry_and_moves_nothing() -> None:
     assert "no odometry" in mover.drive(FORWARD, lambda: False).failure
 
 
+def test_a_request_that_comes_while_its_node_closes_moves_nothing() -> None:
+    stand = Stand()
+    stood_at = stand.base.odometry
+    stand.mover.stop("closing")
+    assert (result := stand.drive(FORWARD)).failure == "closing"
+    assert not result.completed
+    assert stand.base.odometry.distance_to(stood_at) < 1e-6
+
+
 def noisy_stand(rate_hz: float, heading_deg: float = 0.0, position_m: float = 0.0, **more: Any) -> Stand:
     dynamics = BaseDynamics(odometry_rate_hz=rate_hz, heading_noise_deg=heading_deg, position_noise_m=position_m)
     return Stand(dynamics, **more)

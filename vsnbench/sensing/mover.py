@@ -73,6 +73,8 @@ class Mover:
         self._moving = threading.Lock()
         self._ticket = 0
         self._ticket_of = ""
+        self._stopped = ""
+        """Why no movement may begin any more, or an empty string."""
         self._held = HeldHeading()
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
@@ -125,8 +127,9 @@ class Mover:
             self._held.forget()
 
     def stop(self, reason: str) -> None:
-        """End the running movement as failed, and command zero velocity."""
-        self._take_ticket(reason)
+        """End the running movement as failed, let no other begin, and command zero velocity."""
+        with self._lock:
+            self._stopped = reason
         with self._moving:
             self._send(STANDSTILL)
 
@@ -288,7 +291,7 @@ class Mover:
         with self._lock:
             silent_s = self._monotonic_s() - self._odometry_seen_s
             failure, sensor_lost = self._senses.failure(silent_s, self._settings.odometry_timeout_s)
-            preempted = self._ticket_of if self._ticket != ticket else ""
+            preempted = self._stopped or (self._ticket_of if self._ticket != ticket else "")
         return _failed(failure or preempted, sensor_lost=sensor_lost) if failure or preempted else None
 
     def _settling_s(self) -> float:
