@@ -13,7 +13,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.simulator.dynamics.noise import NoiseSettings
-from vsnbench.values.movement import STOP
+from vsnbench.values.movement import STOP, Move
 from vsnbench.values.robot_profile import BaseDynamics, Tolerances
 
 
@@ -53,6 +53,15 @@ def test_stop_needs_no_odometry_and_moves_nothing() -> None:
     assert mover.drive(STOP, lambda: False).completed
     assert sent == [STANDSTILL]
     assert "no odometry" in mover.drive(FORWARD, lambda: False).failure
+
+
+def test_a_request_that_comes_while_its_node_closes_moves_nothing() -> None:
+    stand = Stand()
+    stood_at = stand.base.odometry
+    stand.mover.stop("closing")
+    assert (result := stand.drive(FORWARD)).failure == "closing"
+    assert not result.completed
+    assert stand.base.odometry.distance_to(stood_at) < 1e-6
 
 
 def noisy_stand(rate_hz: float, heading_deg: float = 0.0, position_m: float = 0.0, **more: Any) -> Stand:
@@ -118,6 +127,22 @@ def test_noise_too_large_to_average_is_named_and_nothing_moves(movement, says) -
     assert result.failure.endswith(f"too large for {says}")
     assert stand.base.pose.distance_to(before) < 1e-4
     assert stand.base.pose.heading_rad == pytest.approx(before.heading_rad, abs=1e-4)
+
+
+def test_a_movement_that_its_caller_ends_by_an_exception_leaves_a_base_that_rests() -> None:
+    stand = noisy_stand(20, heading_deg=0.03, position_m=0.001)
+    (usual_s,) = durations_s(stand, 1)
+    give_up_s = stand.base.now_s + 1.0
+
+    def looks() -> bool:
+        if stand.base.now_s > give_up_s:
+            raise InterruptedError
+        return False
+
+    with pytest.raises(InterruptedError):
+        stand.mover.drive(Move(1.0), looks)
+    stand.sleep_until(stand.base.now_s + 1.0)
+    assert stand.drive(FORWARD).duration_s < usual_s + 0.5
 
 
 def test_larger_tolerances_in_the_profile_serve_a_less_accurate_base() -> None:

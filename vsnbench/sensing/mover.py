@@ -73,6 +73,8 @@ class Mover:
         self._moving = threading.Lock()
         self._ticket = 0
         self._ticket_of = ""
+        self._stopped = ""
+        """Why no movement may begin any more, or an empty string."""
         self._held = HeldHeading()
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
@@ -125,8 +127,9 @@ class Mover:
             self._held.forget()
 
     def stop(self, reason: str) -> None:
-        """End the running movement as failed, and command zero velocity."""
-        self._take_ticket(reason)
+        """End the running movement as failed, let no other begin, and command zero velocity."""
+        with self._lock:
+            self._stopped = reason
         with self._moving:
             self._send(STANDSTILL)
 
@@ -217,32 +220,34 @@ class Mover:
             self._driven = []
         commands: list[tuple[float, Command]] = []
         last_s = self._now_s()
-        while controller.status is MotionStatus.MOVING:
-            now_s = self._now_s()
-            if now_s - last_s > _LONGEST_PAUSE_S:
-                controller.abort(f"the control loop paused for {now_s - last_s:.1f} s: its machine is overloaded")
-                break
-            last_s = now_s
-            with self._lock:
-                reading = self._tracker.latest or reading
-            if ended := end():
-                sensor_lost = ended.sensor_lost
-                controller.abort(ended.failure)
-                break
-            command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
-            commands.append((now_s, command))
-            self._send(command if response is None else response.scaled(command))
-            self._sleep_until(now_s + settings.control_period_s)
-        else:
-            ended_by_itself = not controller.sensor_lost
-        self._send(STANDSTILL)
-        with self._lock:
-            driven, self._driven = self._driven or [], None
-            if controller.done:
-                self._held.keep(end_rad)
+        try:
+            while controller.status is MotionStatus.MOVING:
+                now_s = self._now_s()
+                if now_s - last_s > _LONGEST_PAUSE_S:
+                    controller.abort(f"the control loop paused for {now_s - last_s:.1f} s: its machine is overloaded")
+                    break
+                last_s = now_s
+                with self._lock:
+                    reading = self._tracker.latest or reading
+                if ended := end():
+                    sensor_lost = ended.sensor_lost
+                    controller.abort(ended.failure)
+                    break
+                command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
+                commands.append((now_s, command))
+                self._send(command if response is None else response.scaled(command))
+                self._sleep_until(now_s + settings.control_period_s)
             else:
-                self._held.forget()
-            self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
+                ended_by_itself = not controller.sensor_lost
+        finally:  # also if `end` raises, which ends the movement
+            self._send(STANDSTILL)
+            with self._lock:
+                driven, self._driven = self._driven or [], None
+                if controller.done:
+                    self._held.keep(end_rad)
+                else:
+                    self._held.forget()
+                self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
         if isinstance(controller, MotionController) and ended_by_itself:
             self._response.add(controller.slowest, start.pose, commands, driven, turns=leg.turns)
         return MotionResult(
@@ -288,7 +293,7 @@ class Mover:
         with self._lock:
             silent_s = self._monotonic_s() - self._odometry_seen_s
             failure, sensor_lost = self._senses.failure(silent_s, self._settings.odometry_timeout_s)
-            preempted = self._ticket_of if self._ticket != ticket else ""
+            preempted = self._stopped or (self._ticket_of if self._ticket != ticket else "")
         return _failed(failure or preempted, sensor_lost=sensor_lost) if failure or preempted else None
 
     def _settling_s(self) -> float:

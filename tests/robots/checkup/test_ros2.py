@@ -159,11 +159,23 @@ def test_a_hazard_topic_without_reports_is_named(types: list[str], health: str, 
     assert result.advice
 
 
-def test_a_mover_on_the_robot_has_to_answer() -> None:
-    listener = Listener()
-    assert "over the network" in listener.mover().seen
-    wire = Wire()
-    TopicServiceServer(wire, NAMES.discrete_move, lambda _request, _gone: {"missing": ""})
+def test_a_robot_without_a_mover_is_steered_over_the_network() -> None:
+    assert "over the network" in Listener().mover().seen
+
+
+@pytest.mark.parametrize(
+    ("answer", "health", "shows"),
+    [
+        ({"missing": ""}, "ok", "runs on the robot, and answers"),
+        ({"missing": "no odometry on /odom"}, "failed", "no odometry on /odom"),
+        ({"movement": "", "answer": False, "reason": "unknown movement ''"}, "failed", "another version of vsnbench"),
+    ],
+)
+def test_a_mover_on_the_robot_has_to_answer(answer: dict[str, Any], health: str, shows: str) -> None:
+    wire, asked = Wire(), []
+    TopicServiceServer(wire, NAMES.discrete_move, lambda request, _gone: asked.append(request) or answer)
     server = [base("/discrete_move", "std_msgs/msg/String")]
-    on_robot = Listener(node=wire, subscribing={f"{NAMES.discrete_move}/question": server})
-    assert on_robot.mover().seen == "runs on the robot, and answers"
+    result = Listener(node=wire, subscribing={f"{NAMES.discrete_move}/question": server}).mover()
+    assert asked == [{"request": "ping"}]
+    assert result.health == health
+    assert shows in result.seen

@@ -29,6 +29,7 @@ from vsnbench.runner.setup.sweep import (
     run_sweep,
     undone,
 )
+from vsnbench.runner.setup.sweep_timing import time_models
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.sites.site import load_site
@@ -161,7 +162,9 @@ def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
         swept = list(run_sweep(plan_sweep(both, ("forward",), (0,), ("flat:3", "flat:0")), operators))
         assert [each.session.trials for each in swept if each.session] == [1, 2]
         only = asked_for(both, goals=("bathtub",))
-        swept = list(run_sweep(plan_sweep(only, ("forward",), (0,), ("flat:3", "flat:0")), operators))
+        sweep = plan_sweep(only, ("forward",), (0,), ("flat:3", "flat:0"))
+        assert not time_models(sweep, NO_THROUGHPUT, operators).seconds, "the first site has no trial to time"
+        swept = list(run_sweep(sweep, operators))
     assert [each.is_skipped for each in swept] == [True, False]
     assert undone(swept) == (0, 0)
     assert sum("bathtub" in record.getMessage() for record in caplog.records) == 2, "one line for each campaign"

@@ -9,6 +9,8 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from typing import Any
 
+from vsnbench.control.law import ideal_duration_s
+from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
@@ -285,6 +287,12 @@ class RosCheckup(ABC):
                 yield from _turn_results(test, self.profile, self.image_turns)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
+
+
+def turn_timeout_s(movement: Move, profile: RobotProfile) -> float:
+    """Return the time in which a mover has to answer to a turn: a slow base turns for longer than most."""
+    settings = MotionSettings.for_robot(profile)
+    return 2 * ideal_duration_s(abs(movement.turn_rad), settings, turns=True) + 12.0
 
 
 def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:

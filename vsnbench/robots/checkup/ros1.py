@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
 from vsnbench.control.command import STANDSTILL, Command
-from vsnbench.control.law import ideal_duration_s
-from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics, turn_timeout_s
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.images import image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -202,10 +200,9 @@ class Ros1Checkup(RosCheckup, TurnTest):
         from vsnbench.ros.ros1.messages import DiscreteServerRequest
         from vsnbench.ros.ros1.service_words import words_of
 
-        settings, words = MotionSettings.for_robot(self.profile), words_of(movement)
+        words = words_of(movement)
         assert words is not None  # noqa: S101  # a turn of whole degrees
-        timeout_s = 2 * ideal_duration_s(settings.turn_rad, settings, turns=True) + 12.0
-        before = self._heading_rad()
+        before, timeout_s = self._heading_rad(), turn_timeout_s(movement, self.profile)
         answered = bool(self._client().call(DiscreteServerRequest(*words), timeout_s).response)
         after = self._heading_rad()
         if before is None or after is None:

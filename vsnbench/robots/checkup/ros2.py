@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics, turn_timeout_s
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.link import connect
@@ -28,6 +28,7 @@ from vsnbench.ros.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
 from vsnbench.ros.ros2.installation import INSTALL, discovery, missing_packages
 from vsnbench.ros.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
+from vsnbench.ros.ros2.readiness import missing_of_mover
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
@@ -140,9 +141,11 @@ class Ros2Checkup(RosCheckup):
 
     def _server_result(self, name: str, advice: str) -> CheckResult:
         try:
-            TopicServiceClient(self.listener.node, name).call({"movement": "Ping"}, 2.0)
+            missing = missing_of_mover(TopicServiceClient(self.listener.node, name), 2.0)
         except RobotError as error:
             return CheckResult(name, Health.FAILED, error.statement, advice)
+        if missing:
+            return CheckResult(name, Health.FAILED, f"cannot move the base: {missing}", advice)
         return CheckResult(name, Health.OK, "runs on the robot, and answers")
 
     @contextmanager
@@ -236,7 +239,7 @@ class _TurnTest(TurnTest):
         """
         link = self._link
         before = link.snapshot().latest
-        answered = link.drive(movement, 15.0)
+        answered = link.drive(movement, turn_timeout_s(movement, self._profile))
         link.wait_for(lambda now: now.at_rest(0.3, 0.001, math.radians(0.05)), 2.0)
         now = link.snapshot()
         reason = now.outcome.failure if now.outcome is not None else ""

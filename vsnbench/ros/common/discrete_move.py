@@ -31,6 +31,7 @@ from vsnbench.values.robot_profile import RobotProfile
 logger = logging.getLogger(__name__)
 
 NODE = "discrete_move"
+_CLOSING = "discrete_move is shutting down"
 
 
 def mover_of(
@@ -62,13 +63,13 @@ class DiscreteMoveTask(NodeTask):
         """Command zero velocity and answer False to waiting callers; may be called more than once."""
         if not self._closed.is_set():
             self._closed.set()
-            self._mover.stop("discrete_move is shutting down")
+            self._mover.stop(_CLOSING)
             self.send(STANDSTILL)
 
     def drive(self, movement: Drive, caller_gone: Callable[[], bool]) -> MotionResult:
         """Execute one movement to its end and log its result; see `Mover.drive`."""
         if self._closed.is_set():
-            return MotionResult(completed=False, failure="discrete_move is shutting down")
+            return MotionResult(completed=False, failure=_CLOSING)
         result = self._mover.drive(movement, caller_gone)
         if not result.completed:
             return self.refuse(movement_text(movement), result)

@@ -19,6 +19,7 @@ from vsnbench.ros.ros2.graph import Graph
 from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import ros2_interface
 from vsnbench.ros.ros2.node import LATCHED, Ros2Node
+from vsnbench.ros.ros2.readiness import OTHER_VERSION
 from vsnbench.ros.ros2.subscriptions import Ros2Odometry
 from vsnbench.ros.ros2.topic_service import TopicServiceServer
 from vsnbench.ros.ros2.velocities import Velocities
@@ -65,7 +66,7 @@ class Ros2DiscreteMove(DiscreteMoveTask):
                 return result_to_json(
                     self.refuse("drive", str(fault)) if fault else self.drive_json(content, caller_gone)
                 )
-        return {"missing": "the request is that of another version of vsnbench"}
+        return {"missing": OTHER_VERSION}  # the request has another form
 
     def _missing(self) -> str:
         """Return the part of the base that this node has not found yet, or an empty string."""

@@ -16,9 +16,21 @@ from vsnbench.sensing.simulation import ACCOUNT
 
 if TYPE_CHECKING:
     from vsnbench.ros.ros2.node import Ros2Node
+    from vsnbench.ros.ros2.topic_service import TopicServiceClient
 
+OTHER_VERSION = "it runs another version of vsnbench; run the same version on both machines"
+"""What keeps a node of discrete_move from answering to requests of this version."""
 _DISCOVERY_S = 3.5
 """Time in which all nodes are discovered: DDS repeats lost announcements after 3 s."""
+
+
+def missing_of_mover(mover: "TopicServiceClient", timeout_s: float) -> str:
+    """Return what keeps a node of discrete_move from moving the base, or an empty string.
+
+    Raises:
+        NoAnswerError: it does not answer in time.
+    """
+    return str(mover.call({"request": "ping"}, timeout_s).get("missing", OTHER_VERSION))
 
 
 @dataclass

@@ -23,7 +23,7 @@ from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
 from vsnbench.ros.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
-from vsnbench.ros.ros2.readiness import Ros2Readiness
+from vsnbench.ros.ros2.readiness import Ros2Readiness, missing_of_mover
 from vsnbench.ros.ros2.subscriptions import Ros2Odometry
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
 from vsnbench.ros.ros2.velocities import Velocities
@@ -162,11 +162,11 @@ class Ros2Link(RobotLink):
             self._server = _WORKSTATION
             return None
         try:
-            answer = self._discrete_move.call({"request": "ping"}, 1.0)
+            missing = missing_of_mover(self._discrete_move, 1.0)
         except NoAnswerError as error:
             start = f"(vsnbench robots serve {self.profile.argument})"
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
-        if missing := answer.get("missing", ""):
+        if missing:
             return RobotError(
                 f"{self.names.discrete_move} cannot move the base: {missing}", code="discrete-move-not-ready"
             )

@@ -144,6 +144,6 @@ class InProcessExecutor(TrialExecutor):
 
     def _end_without_model(self, claim: Claim, error: str) -> EpisodeEnd:
         verdict = judge(EndReason.MODEL_ERROR, 0, None, self.session.parameters)
-        end = EpisodeEnd(verdict, 0, None, 0.0, error, began=False)
+        end = EpisodeEnd(verdict, 0, error=error, began=False)
         self.session.journal.end_episode(claim.id, end)
         return end

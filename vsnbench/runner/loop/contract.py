@@ -64,7 +64,7 @@ class TrialExecutor(ABC):
     """A person must place the robot."""
     preview: CameraPreview | None = None
     """Camera image while the robot drives; None for several robots, and for a robot without it."""
-    provenance: Callable[[], Provenance] = partial(gather_provenance, of_run=True)
+    provenance: Callable[[], Provenance] = staticmethod(partial(gather_provenance, of_run=True))
     """Describes this process as far as results depend on it."""
 
     @property

@@ -13,6 +13,7 @@ from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.selection import present_goals
 from vsnbench.runner.setup.sweep import Sweep
 
 logger = logging.getLogger(__name__)
@@ -51,8 +52,9 @@ def time_models(sweep: Sweep, throughput: Throughput, operators: OperatorProvide
 
 
 def _single_trials(request: RunRequest, results: ResultsDirectory) -> Iterator[RunRequest]:
-    """Yield requests for one trial each: every goal from its first starting position."""
-    site, goals = request.setup.site, request.setup.goals
+    """Yield requests for one trial each: every goal that the site has, from its first starting position."""
+    site = request.setup.site  # of several generated sites, one of them, which may lack a goal
+    goals, _ = present_goals(request.setup.goals, site)
     for goal in sorted(site.categories) if "all" in goals else goals:
         open_starts = [start for start in request.start_numbers if (goal, start) not in site.excluded]
         if open_starts:
