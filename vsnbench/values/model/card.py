@@ -68,7 +68,7 @@ class ModelCard:
     """Short description of the weights, shown in every table."""
     settings: Annotated[Mapping[str, Any], AfterValidator(_json)] = field(default_factory=dict)
     """Everything else that results depend on, such as the precision. JSON-serializable; part of the identity."""
-    runs_on: Mapping[str, str | int | None] = field(default_factory=dict, compare=False)
+    runs_on: Mapping[str, str | bool | int | float | None] = field(default_factory=dict, compare=False)
     """Device, runtime and number of threads. Recorded as provenance; not part of the identity."""
     code: Mapping[str, str] = field(default_factory=dict)
     """For a model in another process: the description of its source that its server sends. Part of the identity."""
