@@ -5,6 +5,7 @@ vsnbench run --model examples.widest_opening:WidestOpening --model-config exampl
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +41,7 @@ class Settings(BaseModel):
 class WidestOpening(Policy):
     """A baseline and an example. It does not search for the goal."""
 
-    known_goals = None
-    needed_sensors = (Sensor.DEPTH, Sensor.ODOMETRY)
+    card = ModelCard("widest-opening", sensors=frozenset({Sensor.DEPTH, Sensor.ODOMETRY}))
     settings_class = Settings
 
     def __init__(self, model_config: Path | None = None) -> None:
@@ -49,11 +49,8 @@ class WidestOpening(Policy):
         self.settings = Settings()
         if model_config is not None:
             self.settings = read_settings(model_config, Settings, ModelError, "settings of widest-opening")
-        self.card = ModelCard(
-            "widest-opening",
-            sensors=frozenset(self.needed_sensors),
-            settings=self.settings.model_dump(),  # part of the identity: other settings are another model
-        )
+        # The settings are part of the identity: other settings are another model.
+        self.card = replace(self.card, settings=self.settings.model_dump())
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode. Every random choice in it follows from the seed."""

@@ -79,15 +79,12 @@ LOADERS = {
 def spoil(loader: Loader, change: Any, folder: Path) -> Path:
     """Write the loader's good file with a change, and the pictures that a change may name.
 
-    A mapping sets fields by their paths, or removes one (`~missing`); a list replaces a text by another; a text is the
-    whole file.
+    A mapping sets fields by their paths; a list replaces a text by another; a text is the whole file.
     """
     picture = cv2.imencode(".png", np.random.default_rng(0).integers(0, 256, (48, 64, 3)).astype(np.uint8))[1].tobytes()
     for name, content in {"bed": picture, "large": picture + bytes(MAX_IMAGE_BYTES), "cut": picture[:40]}.items():
         (folder / f"{name}.png").write_bytes(content)
     (folder / "loop.png").symlink_to("loop.png")
-    (folder / "notes.png").write_text("this is no image")
-    (folder / "rgb").mkdir()
     path = folder / loader.name
     path.write_text(_text(loader.good, change), encoding="utf-8")
     return path
@@ -106,10 +103,7 @@ def _text(good: str, change: Any) -> str:
         here = content
         for part in parents:
             here = here[part] if isinstance(here, list) else here.setdefault(part, {})
-        if value == "~missing":
-            del here[last]
-        else:
-            here[last] = value
+        here[last] = value
     return dump_yaml(content)
 
 

@@ -3,7 +3,6 @@
 import re
 import shlex
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.console import Answer, vsnbench
+from tests.cli.console import vsnbench
 from tests.results.records_of_a_lab import begun, plan, run, stopped, void
 from tests.sites.goal_sites import write_site
 from tests.web.results_browser.served_record import make_record
@@ -84,7 +83,7 @@ def rows_of(database: Path) -> int:
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[1].encode("unicode_escape").decode()[:60])
 def test_a_mistake_ends_in_a_line_and_writes_nothing(
     row: Any,
-    typed: Callable[..., Answer],
+    capsys: pytest.CaptureFixture[str],
     request: pytest.FixtureRequest,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -95,7 +94,7 @@ def test_a_mistake_ends_in_a_line_and_writes_nothing(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     before = contents(folder)
-    answer = typed("--log-file", str(tmp_path / "log"), *shlex.split(words))
+    answer = vsnbench(monkeypatch, capsys, "--log-file", str(tmp_path / "log"), *shlex.split(words))
     assert (answer.code, answer.out) == (exit_code, ""), answer
     assert answer.err.startswith("vsnbench: error: ")
     assert answer.err.count("\n") == 1
@@ -104,9 +103,3 @@ def test_a_mistake_ends_in_a_line_and_writes_nothing(
     log = (tmp_path / "log").read_text(encoding="utf-8") if (tmp_path / "log").exists() else ""
     assert (ENDED.findall(log) or [""]) == [code]
     assert contents(folder) == before
-
-
-@pytest.fixture
-def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Runs `vsnbench` with some arguments."""
-    return lambda *words: vsnbench(monkeypatch, capsys, *words)

@@ -12,12 +12,13 @@ import pytest
 from tests.cli.console import vsnbench
 from tests.models.looks import look
 from vsnbench.models.contract_check import check_policy
+from vsnbench.models.description import describe_model
 from vsnbench.models.registry import create_policy
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.robots.registry import profile_of
 from vsnbench.values.action import Action
 from vsnbench.values.encoding.codec import decision_from_record
-from vsnbench.values.observation import shown_to_policy
+from vsnbench.values.observation import Sensor, shown_to_policy
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = (
@@ -72,6 +73,9 @@ def test_the_widest_opening_is_driven_to_and_what_it_saw_is_kept(run: Callable[.
 def test_its_settings_are_part_of_what_it_is_and_a_wrong_one_is_refused(tmp_path: Path) -> None:
     from vsnbench.errors import ModelError
 
+    described = describe_model("examples.widest_opening:WidestOpening").card
+    assert described is not None
+    assert described.sensors == {Sensor.DEPTH, Sensor.ODOMETRY}
     file = ROOT / "examples" / "widest_opening.yaml"
     policy = create_policy("examples.widest_opening:WidestOpening", model_config=file)
     assert policy.card.settings == {"keep_away_m": 0.9, "actions": 100}

@@ -45,7 +45,7 @@ MAP = (
 class ProtocolTarget(SettingsFile):
     """Protocol files, and every fault that `protocol check` lists."""
 
-    in_suite = 100
+    in_suite = 60
     files = (PROTOCOL,)
 
     def read(self) -> None:
@@ -58,7 +58,7 @@ class ProtocolTarget(SettingsFile):
 class StudyTarget(SettingsFile):
     """Study files."""
 
-    in_suite = 100
+    in_suite = 60
     files = (study_text(), study_text(primary={"kind": "rate", "arm": "one", "rate": 0.5}))
 
     def read(self) -> None:
@@ -70,7 +70,7 @@ class StudyTarget(SettingsFile):
 class ConfigTarget:
     """`vsnbench.toml`."""
 
-    in_suite: ClassVar[int] = 200
+    in_suite: ClassVar[int] = 66
 
     def __init__(self, home: Path) -> None:
         self.path = home / "vsnbench.toml"
@@ -91,7 +91,7 @@ class ConfigTarget:
 class MapTarget(SettingsFile):
     """Maps of map_server, and their images."""
 
-    in_suite = 100
+    in_suite = 60
     files = (MAP,)
 
     def __init__(self, home: Path) -> None:

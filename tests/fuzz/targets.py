@@ -89,7 +89,7 @@ class ModelSettingsTarget(SettingsFile):
 class PictureTarget:
     """Pictures of a record: what a report, a bag and an import decode."""
 
-    in_suite: ClassVar[int] = 400
+    in_suite: ClassVar[int] = 133
 
     def __init__(self, home: Path) -> None:
         self.folder = home / "episodes" / "000001" / "rgb"
@@ -124,7 +124,7 @@ class PictureTarget:
 class ImageMessageTarget:
     """Images that a camera's driver sends."""
 
-    in_suite: ClassVar[int] = 500
+    in_suite: ClassVar[int] = 166
 
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
@@ -156,7 +156,7 @@ class ImageMessageTarget:
 class DatabaseURLTarget:
     """What is typed after --db."""
 
-    in_suite: ClassVar[int] = 500
+    in_suite: ClassVar[int] = 166
 
     def __init__(self, home: Path) -> None:
         self.good = [
@@ -181,7 +181,7 @@ class DatabaseURLTarget:
 class HabitatTarget:
     """`import habitat`."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -209,7 +209,7 @@ class HabitatTarget:
 class UpstreamLogTarget:
     """`import ros4vsn`: the log and its pictures."""
 
-    in_suite: ClassVar[int] = 100
+    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home

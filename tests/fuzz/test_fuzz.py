@@ -13,7 +13,7 @@ SEED = 1
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_nothing_gets_past_a_loader_s_boundary(name: str) -> None:
-    count = min(TARGETS[name].in_suite, max(60, TARGETS[name].in_suite // 3))
+    count = TARGETS[name].in_suite
     outcome = run(name, SEED, count)
     assert outcome.findings == []
     assert outcome.inputs == count

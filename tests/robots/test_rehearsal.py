@@ -1,7 +1,6 @@
 """A rehearsal in real time, on a patched clock: what movements take, and that a stop interrupts them."""
 
 import time
-from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
@@ -9,8 +8,13 @@ import pytest
 from tests.movements import FORWARD, LEFT
 from tests.runner.stand_ins import APARTMENT
 from tests.simulator.places import turtlebot2
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.rehearsal import RehearsalRobot
+from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.executors.in_process import InProcessExecutor
+from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import AbsentOperator, Operator
 from vsnbench.runner.operator.terminal import TerminalOperator
 from vsnbench.runner.stopping.emergency_key import PRESSED
@@ -109,8 +113,17 @@ def test_only_an_operator_makes_it_real_time(clock: Clock) -> None:
 
     def waits(operator: Operator) -> bool:
         robot = placed(real_time=False)
-        context: Any = MagicMock(operator=operator)
-        InProcessExecutor(robot, None).session_begins(context)  # type: ignore[arg-type]  # no trial is run
+        executor = InProcessExecutor(robot, None)  # type: ignore[arg-type]  # no trial is run
+        executor.session_begins(
+            Session(
+                journal=MagicMock(spec=Journal),
+                robots=executor,
+                recording=RecordingOptions(ResultsDirectory.locate()),
+                site=APARTMENT,
+                parameters=ProtocolParameters(),
+                operator=operator,
+            )
+        )
         before = clock.sleeps
         robot.drive(LEFT)
         return clock.sleeps > before

@@ -29,6 +29,8 @@ class Task:
     seed: int
     """Source of every random choice in the episode."""
     protocol: ProtocolParameters
+    """Parameters of the protocol. A model in another process receives its name, sizes and limits (docs/wire.md); the
+    other fields have their defaults."""
     robot: RobotFacts
 
 

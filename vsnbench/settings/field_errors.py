@@ -81,6 +81,8 @@ def _describe(detail: ErrorDetails, model: type) -> FieldError:
         return _not_text(detail)
     if kind == "frozen_set_type":
         return FieldError(f"expected a frozenset, got {as_written(given)}")
+    if kind == "is_instance_of":
+        return FieldError(f"expected a {detail['ctx']['class']}, got {as_written(given)}")
     if kind in _BOOLEAN_ERRORS:
         return FieldError(f"expected true or false, got {as_written(given)}")
     if kind in {"literal_error", "enum"}:
@@ -109,11 +111,12 @@ def _missing(given: Any, model: type, place: Location) -> FieldError:
 
 def _wrong_length(detail: ErrorDetails) -> FieldError:
     given = detail["input"]
-    if not isinstance(given, list):
-        return FieldError(detail["msg"])
-    if detail["type"] == "too_long":
+    if isinstance(given, list) and detail["type"] == "too_long":
         return _too_many(given, detail["ctx"]["max_length"])
-    return FieldError(f"expected at least {detail['ctx']['min_length']} entries, got {len(given)}")
+    if not isinstance(given, list | frozenset) or detail["type"] == "too_long":
+        return FieldError(detail["msg"])
+    least = detail["ctx"]["min_length"]
+    return FieldError(f"expected at least {least} {'entry' if least == 1 else 'entries'}, got {len(given)}")
 
 
 def _too_many(given: list[Any], max_length: int) -> FieldError:

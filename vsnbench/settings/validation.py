@@ -58,10 +58,9 @@ class InvalidSettingsError(Exception):
         others = len(self.faults) - 1 + self.more
         return f"{self.faults[0]}" + (f" (and {others} more)" if others else "")
 
-    def as_error(self, error: type[VsnbenchError], codes: Mapping[str, str] | None = None) -> VsnbenchError:
-        """Return an error with the first fault and its code, which `codes` may replace."""
-        code = self.faults[0].code
-        return error(str(self), code=(codes or {}).get(code, code))
+    def as_error(self, error: type[VsnbenchError]) -> VsnbenchError:
+        """Return an error with the first fault and its code."""
+        return error(str(self), code=self.faults[0].code)
 
 
 def validated(

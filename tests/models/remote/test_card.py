@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import Policy
@@ -12,6 +13,7 @@ from vsnbench.models.remote import vsnbench_policy as wire
 from vsnbench.models.remote.card import card_of, card_to_wire
 from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.results.writing.campaigns import card_of_row, model_row, model_sha256
+from vsnbench.settings.validation import first_error
 from vsnbench.values.action import TILTS, Action
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import ModelCard
@@ -27,7 +29,7 @@ FULL = ModelCard(
     weights_sha256="ab12",
     weights_label="of a test",
     settings={"pace": [1, 2.5], "nested": {"a": None}},
-    runs_on={"device": "abacus"},
+    runs_on={"device": "abacus", "memory_gib": 1.5, "compiled": True},
     code={"class": "a:B", "commit": "123"},
     files={"weights": "cd34"},
     forward_m=0.2,
@@ -57,6 +59,14 @@ def sent(policy: Policy, **changes: object) -> ModelCard:
     """Return the card that a client receives from a server."""
     card = wire.unpack(wire.pack({"type": "card", "card": wire.checked_card(ServedPolicy(policy))}))["card"]
     return card_of({"wire": 2, "card": {**card, **changes}}, {})
+
+
+def nested(levels: int) -> dict[str, object]:
+    """Return a mapping in a mapping, and so on."""
+    content: dict[str, object] = {}
+    for _ in range(levels):
+        content = {"a": content}
+    return content
 
 
 def test_every_field_arrives_unchanged_through_the_stand_alone_file() -> None:
@@ -92,17 +102,21 @@ def test_the_stand_alone_file_knows_the_same_names() -> None:
         ({"name": 3}, "its card's name: expected text, got 3"),
         ({"name": "n" * 101}, "its card's name is longer than 100 characters"),
         ({"goals": [1]}, "its card's goals.0: expected text, got 1"),
+        ({"goals": "chair"}, "its card's goals: expected a list"),
         ({"goals": ["a"] * 1001}, "its card has more than 1000 goals"),
         ({"sensors": ["instances"]}, "its card's sensors are not among rgb, depth, odometry"),
         ({"action_kinds": ["fly"]}, "its card's action_kinds.0: 'fly' is not allowed"),
         ({"goal_kinds": []}, "its card's goal_kinds: "),
         ({"settings": [1]}, "its card's settings: expected a mapping, got a list"),
         ({"settings": {"a": b"1"}}, "its card has values that are not JSON"),
+        ({"settings": nested(300)}, "its card has values that are not JSON"),
+        ({"runs_on": {b"device": "cpu"}}, "its card's runs_on is not a mapping of strings"),
         ({"runs_on": [1]}, "its card's runs_on is not a mapping of at most 50 strings"),
         ({"forward_m": "0.25"}, "its card's forward_m: expected a number, got '0.25'"),
         ({"turn_deg": -30}, "its card's turn_deg: must be above 0°, got -30°"),
         ({"action_map": {"LOOK_UP": "STOP"}}, "its card's action_map: must map LOOK_UP and LOOK_DOWN to other actions"),
         ({"camera": {"width": 640}}, "its card's camera: width and height must be stated together"),
+        ({"camera": {"\x1b[31m": 1}}, r"its card's camera.\x1b[31m: unknown field"),
         ({"camera": {"tilt_deg": 80}}, "its card's camera.tilt_deg: must be below 60, got 80"),
     ],
 )
@@ -110,6 +124,32 @@ def test_an_invalid_card_is_refused_with_its_field(changes: dict[str, object], w
     with pytest.raises(ModelError) as refused:
         sent(Full(), **changes)
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("goals", {"chair"}, "expected a frozenset, got {'chair'}: write frozenset({'chair'})"),
+        ("sensors", frozenset({"rgb"}), "expected a Sensor, got 'rgb': write frozenset({Sensor.RGB})"),
+        ("action_kinds", frozenset(), "expected at least 1 entry, got 0"),
+        (
+            "settings",
+            {"a": bytearray(b"b")},
+            "settings['a'] must be JSON (strings, numbers, lists, mappings), not bytearray",
+        ),
+        (
+            "settings",
+            {"a": [range(3)]},
+            "an item of settings['a'] must be JSON (strings, numbers, lists, mappings), not range",
+        ),
+    ],
+)
+def test_a_class_with_an_invalid_card_is_told_the_field_and_the_fix(field: str, value: object, words: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        ModelCard("odd", **{field: value})
+    place, problem = first_error(refused.value, ModelCard)
+    assert place.split(".")[0] == field
+    assert f"{problem.statement}: {problem.advice}".startswith(words)
 
 
 def test_an_unknown_field_of_a_newer_server_is_ignored_and_none_is_as_absent() -> None:

@@ -10,14 +10,19 @@ import pytest
 from websockets.sync.client import ClientConnection, connect
 
 from tests.models.remote.servers import look, stub_server
+from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.contract_check import synthetic_task
+from vsnbench.models.remote import vsnbench_policy as wire
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
-from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS
+from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS, reset_message
+from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
+from vsnbench.models.task import Task
+from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.movement import Waypoint
-from vsnbench.values.observation import Budget, observation_of
+from vsnbench.values.observation import Budget, Observation, observation_of
 
 ROOT = Path(__file__).resolve().parents[3]
 TURNS = """
@@ -126,6 +131,27 @@ def test_a_policy_in_its_own_process_receives_the_same_task(tmp_path: Path, monk
         assert policy.act(look()).diagnostics.note == repr(task)
     finally:
         policy.close()
+
+
+def test_a_client_may_leave_out_limits_that_the_protocol_has_not() -> None:
+    received = []
+
+    class Keeping(Policy):
+        card = ModelCard("keeping")
+
+        def begin(self, task: Task) -> None:
+            received.append(task)
+
+        def reset(self, goal: str, seed: int) -> None: ...
+
+        def act(self, observation: Observation) -> Decision:
+            raise AssertionError("only the task is received")
+
+    message = reset_message("chair", 0, synthetic_task("chair", 0))
+    for name in ("max_time_s", "max_path_m"):
+        del message["task"]["protocol"][name]
+    ServedPolicy(Keeping()).begin(wire.Task.of(wire.Goal.of(message), 0, message["task"]))
+    assert received == [synthetic_task("chair", 0)]
 
 
 @pytest.mark.parametrize("task", [7, {}, {"protocol": {}}, {"protocol": {}, "robot": {}}, {"protocol": 1, "robot": 2}])

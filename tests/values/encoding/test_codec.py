@@ -121,6 +121,7 @@ def png_that_claims(width: int, height: int) -> str:
         ({"action": "STOP", "probabilities": [0.5]}, "probabilities must be a mapping"),
         ({"action": "STOP", "diagnostics": {"boxes": [[1, 2, 3]]}}, "boxes must be a list of"),
         ({"action": "STOP", "diagnostics": {"boxes": [[1, 2, 3, 4, 5, 6]]}}, "label must be text"),
+        ({"action": "STOP", "diagnostics": {"sub_goal": []}}, "sub_goal must be a point"),
         ({"action": "STOP", "diagnostics": {"scalars": [1]}}, "scalars must be a mapping"),
         ({"action": "STOP", "diagnostics": {"path": [[1, 10**400]]}}, r"path\[0\] must be a number"),
         (with_map(png="not base64!"), "must be base64"),

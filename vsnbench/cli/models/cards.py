@@ -6,6 +6,8 @@ if TYPE_CHECKING:
     from vsnbench.models.contract import ModelCard
     from vsnbench.values.robot_profile import RobotProfile
 
+UNKNOWN = "stated when the model is created"
+
 
 def card_rows(card: "ModelCard | None", profile: "RobotProfile | None" = None) -> list[tuple[str, str]]:
     """Return goals, answers, assumed step sizes and camera; with a profile, the comparison with the robot's camera."""
@@ -13,8 +15,7 @@ def card_rows(card: "ModelCard | None", profile: "RobotProfile | None" = None) -
     from vsnbench.models.step_sizes import assumed_steps
 
     if card is None:
-        unknown = "stated when the model is created"
-        return [(name, unknown) for name in ("goal kinds", "answers", "assumed steps", "trained camera")]
+        return [(name, UNKNOWN) for name in ("goal kinds", "answers", "assumed steps", "trained camera")]
     compared = [] if profile is None else [("camera", comparison_text(card, profile.name, profile.camera))]
     return [
         ("goal kinds", ", ".join(sorted(card.goal_kinds))),

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from vsnbench.cli.models.cards import card_json, card_rows
+from vsnbench.cli.models.cards import UNKNOWN, card_json, card_rows
 from vsnbench.cli.models.fetching import fetch
 from vsnbench.cli.models.serving import check_against_contract, print_findings, serve
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
@@ -207,7 +207,9 @@ app.command("fetch")(fetch)
 
 
 def _goals(model: "ModelDescription") -> str:
-    return "any" if model.card is None or model.card.goals is None else ", ".join(sorted(model.card.goals))
+    if model.card is None:
+        return UNKNOWN
+    return "any" if model.card.goals is None else ", ".join(sorted(model.card.goals))
 
 
 def _sensors(model: "ModelDescription") -> list[str]:

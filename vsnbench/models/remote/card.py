@@ -18,6 +18,7 @@ _LONGEST_NAME: Final = 100
 _CLIPPED: Final = {"weights_sha256": 64, "weights_label": 200}
 _LONGEST_TEXT: Final = 300
 _OF_TEXTS: Final = ("code", "files", "runs_on")
+_LISTS: Final = ("goals", "action_kinds", "goal_kinds")
 _NOT_SENT: Final = ("surveyed",)
 _CARD: Final = TypeAdapter(ModelCard)
 
@@ -40,6 +41,9 @@ def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
     sensors = card.get("sensors", [])
     if not isinstance(sensors, list) or not all(sensor in SENSORS for sensor in sensors):
         raise ModelError(f"its card's sensors are not among {', '.join(SENSORS)}")
+    for name in _LISTS:
+        if not isinstance(card.get(name, []), list):
+            raise ModelError(f"its card's {name}: expected a list")
     if isinstance(card.get("name"), str) and len(card["name"]) > _LONGEST_NAME:
         raise ModelError(f"its card's name is longer than {_LONGEST_NAME} characters")
     if isinstance(card.get("goals"), list) and len(card["goals"]) > _MOST_NAMES:
@@ -50,8 +54,10 @@ def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
         return _CARD.validate_json(json.dumps(card))
     except ValidationError as error:
         field, problem = first_error(error, ModelCard)
+        if not field:  # too deep, or not UTF-8
+            raise ModelError("its card has values that are not JSON") from error
         where = ".".join(field.split(".")[:2])  # without the member of a union
-        raise ModelError(f"its card's {where}: {sanitize(problem.statement)[:_LONGEST_TEXT]}") from error
+        raise ModelError(f"its card's {sanitize(where)}: {sanitize(problem.statement)}"[:_LONGEST_TEXT]) from error
     except (TypeError, ValueError, RecursionError) as error:
         raise ModelError("its card has values that are not JSON") from error
 
@@ -67,7 +73,7 @@ def _texts(value: object, what: str) -> dict[str, str]:
         raise ModelError(f"its card's {what} is not a mapping of at most {_MOST_ENTRIES} strings")
     found = {}
     for name, item in value.items():
-        if not isinstance(item, str | int | float | None) or len(name) > _LONGEST_NAME:
+        if not isinstance(name, str) or len(name) > _LONGEST_NAME or not isinstance(item, str | int | float | None):
             raise ModelError(f"its card's {what} is not a mapping of strings")
         found[sanitize(name)] = sanitize(str(item)[:_LONGEST_TEXT])
     return found

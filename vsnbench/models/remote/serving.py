@@ -6,6 +6,8 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
+from pydantic import ValidationError
+
 from vsnbench.errors import DecisionError, ModelError, UsageError
 from vsnbench.models.contract import BatchPolicy, Policy
 from vsnbench.models.identity import code_of, files_handed_over
@@ -15,6 +17,7 @@ from vsnbench.models.remote.card import card_to_wire
 from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS
 from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.settings.validation import first_error
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.encoding.codec import decision_to_message
@@ -121,10 +124,13 @@ def _task(given: wire.Task) -> Task:
     """Return the task of a message; unknown facts of a later client are ignored."""
     robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
     try:
-        protocol = ProtocolParameters(**{name: getattr(given.protocol, name) for name in PROTOCOL_FIELDS})
+        protocol = ProtocolParameters(**{name: getattr(given.protocol, name, None) for name in PROTOCOL_FIELDS})
         facts = RobotFacts(**{item.name: robot[item.name] for item in fields(RobotFacts)})
-    except (AttributeError, KeyError, ValueError) as error:
-        raise wire.WireError(f"`task`: {' '.join(str(error).split())[:300]}") from error
+    except ValidationError as error:
+        field, problem = first_error(error, ProtocolParameters)
+        raise wire.WireError(f"`task.protocol.{field}`: {problem.statement[:300]}") from error
+    except KeyError as error:
+        raise wire.WireError(f"`task.robot` needs {error}") from error
     return Task(_goal(given.goal), given.seed, protocol, facts)
 
 

@@ -161,8 +161,12 @@ def _shown(diagnostics: Diagnostics) -> dict[str, Any]:
 
 
 def _diagnostics(probabilities: Any, shown: Mapping[str, Any], details: Any) -> Diagnostics:
-    """Return diagnostics from their parts, which `checked_diagnostics` validates; here they only get their types."""
-    parts = {name: from_json(shown[name]) for name, (_, from_json) in _SHOWN_PARTS.items() if shown.get(name)}
+    """Return diagnostics from their parts, which `checked_diagnostics` validates; here they only get their types.
+
+    An empty part is absent, except a sub-goal: no point is empty.
+    """
+    present = {name: value for name in _SHOWN_PARTS if (value := shown.get(name)) or name == "sub_goal"}
+    parts = {name: _SHOWN_PARTS[name][1](value) for name, value in present.items()}
     return Diagnostics(probabilities=probabilities, details=details, **parts)
 
 

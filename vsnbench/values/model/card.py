@@ -1,6 +1,6 @@
 """Requirements and identity of a model: one value for its class, its server, the record and the tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import field, fields, replace
 from typing import Annotated, Any, Self
@@ -33,7 +33,7 @@ def _not_json(value: object, where: str) -> Iterator[str]:
     if isinstance(value, Mapping):
         for name, item in value.items():
             yield from _not_json(item, f"{where}[{name!r}]")
-    elif isinstance(value, Sequence | AbstractSet) and not isinstance(value, str | bytes):
+    elif isinstance(value, list | tuple | set | frozenset):
         for item in value:
             yield from _not_json(item, f"an item of {where}")
     elif not (value is None or isinstance(value, str | bool | int | float) or type(value).__module__ == "numpy"):
@@ -55,7 +55,7 @@ class ModelCard:
     """
 
     name: Annotated[str, AfterValidator(_named)]
-    goals: frozenset[str] | None = None
+    goals: Annotated[frozenset[str] | None, Field(description="write frozenset({'chair'})")] = None
     """Goal categories that the model knows; None for any category."""
     sensors: Annotated[frozenset[Sensor], Field(description="write frozenset({Sensor.RGB})")] = frozenset()
     """Sensors that the model needs. The robot must have all of them; the model receives no others."""
@@ -68,7 +68,7 @@ class ModelCard:
     """Short description of the weights, shown in every table."""
     settings: Annotated[Mapping[str, Any], AfterValidator(_json)] = field(default_factory=dict)
     """Everything else that results depend on, such as the precision. JSON-serializable; part of the identity."""
-    runs_on: Mapping[str, str | int | None] = field(default_factory=dict, compare=False)
+    runs_on: Mapping[str, str | bool | int | float | None] = field(default_factory=dict, compare=False)
     """Device, runtime and number of threads. Recorded as provenance; not part of the identity."""
     code: Mapping[str, str] = field(default_factory=dict)
     """For a model in another process: the description of its source that its server sends. Part of the identity."""
