@@ -1,8 +1,14 @@
 """Tests that `make test-long` runs every night, and the cheaper ones that find the same in `make test`.
 
-A key is a file, a test (`file::name`) or one of its cases (`file::name[id]`), a value is the cheaper test. A test of a
-live graph has the mark `long` in its own file, next to the case that stays.
+A key is a file, a test (`file::name`) or one of its cases (`file::name[id]`), a value is the cheaper test. Cases of a
+live graph of ROS 2 have the mark `long` in their own file, next to the case that stays.
 """
+
+
+def _of(file: str, cheaper: str, *tests: str) -> dict[str, str]:
+    """Return tests of a file that have one cheaper test, in the form of `LONG`."""
+    return {f"{file}::{test}": cheaper for test in tests}
+
 
 SERVED = "runner/executors/test_served_workers.py"
 HOSTILE = "cli/test_hostile_archive.py"
@@ -97,6 +103,13 @@ LONG = {
     "test_docs.py::test_the_website_has_a_search_when_it_is_opened_as_files": (
         "test_docs.py::test_the_website_has_every_page_and_asks_no_other_host"
     ),
+    # Invalid inputs of the loaders that take half a second each.
+    **_of(
+        "fuzz/test_fuzz.py",
+        "cli/test_hostile_archive.py, evidence/verification/test_hostile_records.py",
+        "test_nothing_gets_past_a_loader_s_boundary[bundle]",
+        "test_nothing_gets_past_a_loader_s_boundary[record]",
+    ),
     # Installations, which .github/workflows/wheels.yml tries in clean environments as well.
     "test_installation.py::test_the_advice_of_a_wheel_installs_the_extra_from_another_directory": (
         "cli/test_missing_extras.py"
@@ -127,6 +140,325 @@ LONG = {
     ),
     "web/results_browser/test_page_in_browser.py::test_a_script_in_any_text_of_a_record_does_not_run": (
         "web/results_browser/test_page_in_browser.py::test_names_from_a_record_are_text"
+    ),
+    # The commands of a page, one after the other: their names, options and JSON are tested every day.
+    **_of(
+        "docs/test_commands.py",
+        "its case [first-table.md]; docs/test_json_schemas.py, test_readme.py",
+        *(
+            f"test_the_commands_of_a_page_succeed_in_order[{page}.md]"
+            for page in (
+                "bundle",
+                "export",
+                "look",
+                "models",
+                "pirlnav",
+                "report",
+                "results",
+                "scale",
+                "stress",
+                "study",
+            )
+        ),
+        "test_the_commands_of_a_page_succeed_in_order[vlv.md]",
+        "test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals",
+    ),
+    # Pages in a browser: each keeps one walk through it.
+    **_of(
+        "web/site_editor/test_goals.py",
+        "web/site_editor/test_goals.py::test_goals_are_edited_with_keys_undone_and_checked_where_they_stand",
+        "test_goals_that_break_the_format_are_shown_with_their_faults",
+        "test_a_fault_of_a_goal_is_a_finding_at_its_entry",
+        "test_the_page_with_goals_is_accessible_on_a_phone_and_a_desk",
+        "test_a_renamed_object_remains_a_target",
+    ),
+    **_of(
+        "web/site_editor/test_editor.py",
+        "web/site_editor/test_editor.py::test_a_wall_is_drawn_moved_undone_and_saved_by_keyboard",
+        "test_a_flat_is_drawn_from_a_map_with_mouse_and_keyboard",
+        "test_findings_are_those_of_sites_check",
+        "test_a_door_and_its_ends_snap_to_the_grid_along_their_wall",
+        "test_a_room_corner_can_be_dragged_a_short_distance",
+        "test_alt_suspends_snapping",
+        "test_corners_snap_to_straight_lines_walls_and_the_grid",
+    ),
+    **_of(
+        "web/operator/test_page_in_browser.py",
+        "web/operator/test_page_in_browser.py::test_an_episode_is_judged_undone_and_declared_void_by_keyboard",
+        "test_a_saved_judgement_can_be_undone_at_the_bottom_of_the_next_screen",
+        "test_a_redraw_keeps_the_focus_and_an_open_form",
+        "test_a_slow_answer_does_not_redraw_the_form_and_undo_keeps_the_choices",
+        "test_the_page_shows_the_time_and_the_path_that_are_left",
+        "test_state_changes_request_no_additional_live_pictures",
+        "test_the_judging_form_shows_the_goal_and_the_last_frames",
+    ),
+    **_of(
+        "web/results_browser/test_page_in_browser.py",
+        "web/results_browser/test_page_in_browser.py::test_a_disagreement_is_found_opened_scrubbed_and_tagged_by_keyboard",
+        "test_every_view_is_accessible_and_fits_the_screen",
+        "test_the_grid_fills_while_a_run_goes_on",
+        "test_the_address_with_the_token_opens_the_episode_that_it_names",
+    ),
+    **_of(
+        "web/results_browser/test_website.py",
+        "web/results_browser/test_website.py::test_episodes_are_looked_at_without_a_server_of_ours",
+        "test_a_selection_limits_the_site_and_replaces_the_one_before",
+        "test_images_are_made_smaller_and_a_directory_of_others_is_not_touched",
+    ),
+    **_of(
+        "report/test_page.py",
+        "report/test_page.py::test_the_page_works_without_a_network_and_sorts_by_a_click",
+        "test_the_page_is_led_by_its_question_and_folds_what_is_long[1280]",
+        "test_everybody_can_read_the_page_and_sort_it_by_keyboard",
+    ),
+    # Trainings, killed and whole.
+    **_of(
+        "training/test_run.py",
+        "training/test_rollout.py, training/test_expert.py",
+        "test_a_run_ends_in_a_checkpoint_that_the_models_own_reader_takes",
+        "test_a_failed_write_loses_only_its_own_step",
+        "test_a_killed_run_goes_on_and_ends_in_the_same_weights",
+        "test_the_workers_of_a_killed_run_end_too",
+    ),
+    **_of(
+        "training/test_expert.py",
+        "its case [chair]",
+        "test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner[toilet]",
+        "test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner[bed]",
+    ),
+    # Whole stories from the command line: each of their steps has a test in one process.
+    **_of(
+        "cli/study/test_verbs.py",
+        "runner/study/test_output_redaction.py, results/reading/test_queries.py",
+        "test_a_blind_study_from_new_to_report_names_no_model_anywhere_an_operator_looks",
+    ),
+    **_of(
+        "report/comparison/test_compare.py",
+        "report/comparison/test_compare.py::test_several_questions_are_corrected_together",
+        "test_a_study_and_compare_give_the_same_answers_on_one_record",
+        "test_which_seed_ran_first_changes_nothing_and_no_seed_drops_out",
+    ),
+    **_of(
+        "cli/running/test_run.py",
+        "results/writing/test_recovery.py, runner/stopping/test_requests.py",
+        "test_a_killed_run_loses_no_committed_step_and_the_same_command_finishes_it",
+        "test_processes_that_a_model_leaves_behind_end_with_the_run[1]",
+        "test_a_stopped_run_says_how_to_go_on[2-130-aborted]",
+    ),
+    **_of(
+        "runner/executors/test_local_pool.py",
+        "results/writing/test_recovery.py, runner/executors/test_pool.py",
+        "test_killed_workers_and_drivers_lose_no_trial_and_leave_no_files",
+    ),
+    **_of(
+        "cli/evidence/test_verify.py",
+        "evidence/bundle/test_make.py",
+        "test_an_intact_bundle_ends_with_0_and_names_the_signer",
+    ),
+    **_of(
+        "evidence/verification/test_against.py",
+        "evidence/verification/test_against.py::test_a_bundle_is_compared_and_trials_of_one_record_only_are_counted",
+        "test_records_of_the_same_trials_are_equal_and_the_command_says_so",
+    ),
+    **_of(
+        "evidence/verification/test_derived.py",
+        "test_releases.py::test_a_record_and_a_bundle_are_verified",
+        "test_an_intact_bundle_is_compared_completely",
+    ),
+    **_of(
+        "evidence/verification/test_verify.py",
+        "evidence/verification/test_verify.py::test_an_intact_record_holds_and_episodes_driven_again_are_identical",
+        "test_a_delay_of_the_model_counts_towards_the_limit_of_time",
+    ),
+    **_of(
+        "evidence/bundle/test_make.py",
+        "evidence/bundle/test_make.py::test_a_bundle_has_every_episode_as_it_was",
+        "test_weights_are_added_only_when_asked_for",
+        "test_a_record_on_a_server_is_bundled_as_an_sqlite_file",
+    ),
+    **_of(
+        "cli/test_init.py",
+        "models/test_contract_check.py",
+        "test_a_run_that_watches_runs_again_when_the_model_changes",
+        "test_a_package_begun_with_models_new_passes_its_own_tests",
+    ),
+    **_of(
+        "cli/running/test_run_with_a_person.py",
+        "runner/judging/test_faces.py",
+        "test_a_hang_up_at_a_question_loses_nothing",
+    ),
+    **_of(
+        "cli/running/test_stress.py",
+        "report/comparison/test_stress.py",
+        "test_the_undisturbed_condition_is_a_plain_run_bit_for_bit",
+    ),
+    **_of(
+        "cli/test_sweep.py",
+        "runner/setup/test_sweep.py",
+        "test_the_workers_of_a_sweep_stay_from_campaign_to_campaign",
+    ),
+    **_of(
+        "cli/support/test_output.py",
+        "its cases of `run`",
+        "test_prints_of_a_model_do_not_spoil_the_json[stress --goal chair --starts 1 --disturb latency --severity 1 "
+        "--results s]",
+        "test_prints_of_a_model_do_not_spoil_the_json[run --goal chair --starts 1 --seed 0-1]",
+    ),
+    **_of(
+        "cli/results/test_browse.py",
+        "its case [15]",
+        "test_a_signal_ends_the_page_and_removes_its_videos[1]",
+        "test_a_signal_ends_the_page_and_removes_its_videos[2]",
+    ),
+    **_of(
+        "cli/results/test_read_only.py",
+        "its case [True]",
+        "test_a_read_only_record_is_read_whole_and_stays_as_it_is[False]",
+    ),
+    **_of(
+        "cli/results/test_view.py",
+        "viewer/test_recording.py",
+        "test_the_viewer_ends_when_the_command_is_killed",
+    ),
+    **_of(
+        "cli/test_record_verbs.py",
+        "results/reading/test_queries.py",
+        "test_a_campaign_is_chosen_by_its_number_or_by_eight_digits_of_its_key",
+    ),
+    **_of(
+        "cli/test_sites.py",
+        "simulator/generated_sites/test_generate.py",
+        "test_a_generated_flat_is_shown_checked_and_drawn_by_its_seed",
+    ),
+    **_of(
+        "text/test_log_output.py",
+        "runner/executors/test_process.py",
+        "test_worker_processes_log_to_the_same_file",
+    ),
+    **_of(
+        "results/writing/test_recovery.py",
+        "its case [postgresql] of the killed process",
+        "test_three_killed_drivers_on_an_empty_record_run_every_trial_once[sqlite]",
+    ),
+    **_of(
+        "runner/setup/test_sweep.py",
+        "runner/setup/test_sweep.py::test_several_generated_sites_may_lack_a_goal_that_some_have",
+        "test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest",
+    ),
+    # Adapters and examples in servers of their own: the wire's checks run every day.
+    **_of(
+        "examples/test_adapters.py",
+        "its case [NavDP]; models/remote/test_policy.py",
+        "test_the_adapters_pass_models_check_and_state_their_camera[VLFMReality]",
+        "test_vlfms_habitat_policy_drives_discrete_actions",
+        "test_navila_drives_as_far_as_its_answers_say[True]",
+        "test_uninavid_executes_predicted_actions[True]",
+        "test_vlfms_displacements_without_a_sub_goal_are_upstreams",
+    ),
+    **_of(
+        "examples/test_point_robot.py",
+        "examples/test_examples.py",
+        "test_the_example_runs_resumes_and_is_another_robot_after_an_edit",
+    ),
+    **_of(
+        "models/remote/test_websockets_versions.py",
+        "its case [17]",
+        "test_the_command_runs_a_model_in_another_environment[11]",
+    ),
+    **_of(
+        "models/pirlnav/test_checkpoint.py",
+        "models/pirlnav/test_parity.py",
+        "test_a_full_size_checkpoint_runs_on_camera_images",
+    ),
+    # Repetitions of physics, geometry and statistics with other numbers.
+    **_of(
+        "localization/test_matching.py",
+        "localization/test_matching.py::test_a_robot_at_another_mark_is_not_in_place",
+        "test_a_turn_finds_how_far_ahead_the_camera_sits",
+        "test_an_offset_is_measured_in_a_room_that_is_not_quite_as_surveyed",
+        "test_headings_that_the_odometry_wraps_are_those_of_one_turn",
+    ),
+    **_of(
+        "robots/test_simulated.py",
+        "sensing/test_mover.py, sensing/test_difficult_bases.py",
+        "test_of_500_actions_every_move_is_within_5_mm[lola2-believed]",
+    ),
+    **_of(
+        "report/test_figure_layout.py",
+        "report/test_figure_layout.py::test_every_condition_is_in_some_figure_and_what_is_left_out_is_said",
+        "test_nothing_is_cut_off_and_no_words_lie_over_others",
+    ),
+    **_of(
+        "simulator/generated_sites/test_generate.py",
+        "its case [2]",
+        "test_the_oracle_reaches_every_goal[1001]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[10000]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[10003]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[10004]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[1003]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[1002]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[10002]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[1004]",
+    ),
+    **_of(
+        "statistics/test_agreement.py",
+        "statistics/test_conclusion.py",
+        "test_the_interval_of_a_rank_correlation_covers_whole_starting_positions",
+    ),
+    **_of(
+        "study/test_stopping.py",
+        "statistics/test_betting.py",
+        "test_three_equal_arms_are_rarely_told_apart_looking_after_every_block",
+    ),
+    **_of(
+        "models/baselines/test_oracle.py",
+        "models/baselines/test_oracle.py::test_a_goal_with_no_way_to_it_is_given_up_at_once",
+        "test_it_corrects_for_a_robot_that_moves_inexactly",
+    ),
+    # Live graphs of ROS 1: the same link, node and faults of ROS 2, of one process, and the cases that stay.
+    **_of(
+        "robots/test_ros1_run.py",
+        "its case [turtlebot2]",
+        "test_the_stack_in_three_processes_acts_as_the_simulation[lola2]",
+        "test_an_unattended_run_records_estimated_distances",
+    ),
+    **_of(
+        "robots/test_ros1_blind_camera.py",
+        "robots/test_blind_camera.py",
+        "test_a_faulty_camera_ends_the_episode_with_its_reason",
+    ),
+    **_of(
+        "robots/test_ros1_rehearsal.py",
+        "robots/test_rehearsal.py",
+        "test_a_rehearsal_over_ros_1_is_placed_and_judged_on_the_page",
+    ),
+    **_of(
+        "robots/test_calibration.py",
+        "ros/ros2/test_calibration.py",
+        "test_a_failed_measurement_over_ros1_is_an_error_of_one_line",
+    ),
+    **_of(
+        "ros/ros1/test_discrete_move.py",
+        "sensing/test_difficult_bases.py",
+        "test_a_base_with_noise_at_rest_moves_accurately",
+    ),
+    **_of(
+        "robots/test_ros1_tf.py",
+        "robots/test_ros1_tf.py::test_a_base_is_driven_by_the_odometry_of_its_frames",
+        "test_doctor_sees_the_odometry_of_frames_follow_a_turn",
+        "test_frames_that_do_not_connect_are_named_by_doctor_and_by_a_session",
+    ),
+    **_of(
+        "robots/test_ros1_network.py",
+        "ros/ros2/test_faults.py",
+        "test_a_robot_that_is_carried_repeatedly_never_loses_its_first_action",
+        "test_a_part_that_returns_while_an_episode_begins_is_waited_for",
+    ),
+    **_of(
+        "cli/robots/test_doctor.py",
+        "its case of the silent camera; robots/test_calibration.py",
+        "test_a_server_that_steers_another_topic_is_not_ready",
+        "test_a_broken_part_is_named_with_what_to_do[camera-blind-/camera/depth/image_raw-failed-silent for]",
     ),
     **{
         f"models/remote/test_websockets_versions.py::{test}[{major}]": "its cases of the oldest and the newest version"

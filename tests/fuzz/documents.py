@@ -2,7 +2,6 @@
 
 import random
 from pathlib import Path
-from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -45,7 +44,6 @@ MAP = (
 class ProtocolTarget(SettingsFile):
     """Protocol files, and every fault that `protocol check` lists."""
 
-    in_suite = 60
     files = (PROTOCOL,)
 
     def read(self) -> None:
@@ -58,7 +56,6 @@ class ProtocolTarget(SettingsFile):
 class StudyTarget(SettingsFile):
     """Study files."""
 
-    in_suite = 60
     files = (study_text(), study_text(primary={"kind": "rate", "arm": "one", "rate": 0.5}))
 
     def read(self) -> None:
@@ -69,8 +66,6 @@ class StudyTarget(SettingsFile):
 
 class ConfigTarget:
     """`vsnbench.toml`."""
-
-    in_suite: ClassVar[int] = 66
 
     def __init__(self, home: Path) -> None:
         self.path = home / "vsnbench.toml"
@@ -91,7 +86,6 @@ class ConfigTarget:
 class MapTarget(SettingsFile):
     """Maps of map_server, and their images."""
 
-    in_suite = 60
     files = (MAP,)
 
     def __init__(self, home: Path) -> None:
@@ -114,8 +108,6 @@ class MapTarget(SettingsFile):
 
 class BundleTarget:
     """Bundles, under `verify`."""
-
-    in_suite: ClassVar[int] = 20
 
     def __init__(self, home: Path) -> None:
         from tests.viewer.synthetic_episode import record

@@ -5,7 +5,7 @@ import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from tests.fuzz import mutations
 from tests.fuzz.command_line import call
@@ -53,8 +53,6 @@ def flip_bits_of_text(rng: random.Random, file: Path) -> None:
 
 class RecordTarget:
     """The SQLite database and the files next to it."""
-
-    in_suite: ClassVar[int] = 40
 
     def __init__(self, home: Path) -> None:
         from tests.viewer.synthetic_episode import record

@@ -11,9 +11,6 @@ from tests.fuzz import mutations
 class Target(Protocol):
     """A loader; made once in a folder of its own."""
 
-    in_suite: ClassVar[int]
-    """Inputs in a run of the tests, for some seconds; `make fuzz` takes more."""
-
     def __init__(self, home: Path) -> None: ...
 
     def load(self, rng: random.Random, index: int | None) -> None:
@@ -23,7 +20,6 @@ class Target(Protocol):
 class SettingsFile(ABC):
     """A YAML file behind a function that reads it."""
 
-    in_suite: ClassVar[int] = 66
     files: ClassVar[tuple[Path | str, ...]]
 
     def __init__(self, home: Path) -> None:

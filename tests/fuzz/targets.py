@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -89,8 +89,6 @@ class ModelSettingsTarget(SettingsFile):
 class PictureTarget:
     """Pictures of a record: what a report, a bag and an import decode."""
 
-    in_suite: ClassVar[int] = 133
-
     def __init__(self, home: Path) -> None:
         self.folder = home / "episodes" / "000001" / "rgb"
         self.folder.mkdir(parents=True)
@@ -124,8 +122,6 @@ class PictureTarget:
 class ImageMessageTarget:
     """Images that a camera's driver sends."""
 
-    in_suite: ClassVar[int] = 166
-
     def __init__(self, home: Path) -> None:
         self.functions: list[tuple[Callable[[Any], Any], str, int]]
         from vsnbench.sensing.images.camera_images import decode_color, decode_depth, decode_labels
@@ -156,8 +152,6 @@ class ImageMessageTarget:
 class DatabaseURLTarget:
     """What is typed after --db."""
 
-    in_suite: ClassVar[int] = 166
-
     def __init__(self, home: Path) -> None:
         self.good = [
             b"postgresql+psycopg://lab:secret@db.lab:5432/trials?sslmode=require",
@@ -180,8 +174,6 @@ class DatabaseURLTarget:
 
 class HabitatTarget:
     """`import habitat`."""
-
-    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home
@@ -208,8 +200,6 @@ class HabitatTarget:
 
 class UpstreamLogTarget:
     """`import ros4vsn`: the log and its pictures."""
-
-    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.home = home

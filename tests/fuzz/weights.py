@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +20,6 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 
 class _Checkpoint(ABC):
     """A PyTorch file whose tensors are damaged before it is written, or its bytes afterwards."""
-
-    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         self.path = home / "weights.pt"
@@ -139,8 +137,6 @@ class PIRLNavTarget(_Checkpoint):
 class ValueTarget(_Checkpoint):
     """VLV's value network."""
 
-    in_suite: ClassVar[int] = 25
-
     def make(self) -> dict[str, Any]:
         import torch
 
@@ -158,8 +154,6 @@ class ValueTarget(_Checkpoint):
 
 class DetectorTarget(_Checkpoint):
     """Mask R-CNN's weights."""
-
-    in_suite: ClassVar[int] = 60
 
     def make(self) -> dict[str, Any]:
         import torch
@@ -192,8 +186,6 @@ class DetectorTarget(_Checkpoint):
 
 class ONNXTarget:
     """Detectors as ONNX files: opened, and asked about one image."""
-
-    in_suite: ClassVar[int] = 60
 
     def __init__(self, home: Path) -> None:
         from tests.models.vlv.looks import look
