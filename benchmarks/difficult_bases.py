@@ -7,7 +7,7 @@ one base; each kind of movement is tried `--count` times with the same movements
 to the time of an ideal base, and "95 %" its percentile.
 
 "true" counts movements that were answered True and that are true: a turn within 0.1 degrees, a move within 5 mm, the
-other kinds within 15 mm and 10 degrees of the direction of their end. "refused" counts those that did not begin because
+actions of a session likewise, with their turns measured from the heading of the first, the other kinds within 15 mm and 10 degrees of the direction of their end. "refused" counts those that did not begin because
 the noise of the odometry is too large for the tolerance, which `doctor --move` also reports. "failed" counts those that
 moved and were answered False.
 """
@@ -91,7 +91,7 @@ def line(name: str, kind: str, tried: list[Trial], ideal: list[Trial]) -> str:
     said = sorted({reason.partition(":")[0] for reason in reasons if not reason.startswith("odometry noise")})
     failed = len(tried) - len(answered) - refused
     false = len(answered) - true
-    backwards = sum(not one.faces for one, _ in answered if kind not in ("turn", "move"))
+    backwards = sum(not one.faces for one, _ in answered if kind not in ("turn", "move", "session"))
     counts = f"{true} | {false} | {backwards} | {refused} | {failed}"
     return f"| {name} | {kind} | {counts} | {times} | {worst_mm:.1f} | {'; '.join(said)} |"
 

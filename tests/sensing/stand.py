@@ -54,6 +54,8 @@ class Stand:
     seed: int = 5
     base: SimulatedBase = field(init=False)
     mover: Mover = field(init=False)
+    held_rad: float | None = None
+    """True heading that the actions of a session should keep; None before the first and after a failure."""
     _due_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -109,12 +111,14 @@ class Trial:
     off_rad: float
     """Difference from the requested heading, or from the direction of the end of the path."""
     took_s: float
+    turned: bool = False
+    """Whether the movement was a turn."""
 
     def is_true(self, kind: str) -> bool:
         """Return whether the movement was what was requested, within the tolerances."""
-        if kind == "turn":
+        if kind == "turn" or (kind == "session" and self.turned):
             return self.off_rad < SETTINGS.heading_tolerance_rad and self.off_m < 0.05
-        if kind == "move":
+        if kind in ("move", "session"):
             return self.off_m < SETTINGS.position_tolerance_m and self.off_rad < FACING_RAD
         return self.off_m < POSITION_M and self.faces
 
@@ -128,25 +132,24 @@ def trial(stand: Stand, kind: str, movement: Drive) -> Trial:
 
     Args:
         stand: base and mover.
-        kind: turn, move, waypoint, trajectory or S-curve.
+        kind: turn, move, session (turns and moves that keep a heading), waypoint, trajectory or S-curve.
         movement: the movement.
     """
     if math.hypot(*stand.base.pose.position) > 20:  # before it reaches the wall
         stand.base.put_down(Pose(0.0, 0.0, stand.base.pose.heading_rad), stand.seed)
         stand.sleep_until(stand.base.now_s + 3 * REST_S)
     before, began_s = stand.base.pose, stand.base.now_s
-    stand.mover.forget_heading()
+    if kind != "session" or stand.held_rad is None:
+        stand.mover.forget_heading()
+        stand.held_rad = before.heading_rad
     result = stand.mover.drive(movement, lambda: False)
     took_s = stand.base.now_s - began_s
     stand.sleep_until(stand.base.now_s + REST_S)
     after = stand.base.pose
-    if kind == "turn":
-        assert isinstance(movement, Move)
-        wanted = Pose(*before.position, before.heading_rad + movement.turn_rad)
-        off_m = after.distance_to(before)
-    elif kind == "move":
-        assert isinstance(movement, Move)
-        wanted, off_m = before, abs(after.distance_to(before) - abs(movement.distance_m))
+    if isinstance(movement, Move):
+        stand.held_rad += movement.turn_rad
+        wanted = Pose(*before.position, stand.held_rad)
+        off_m = abs(after.distance_to(before) - abs(movement.distance_m))
     else:
         assert isinstance(movement, Waypoint | Trajectory)
         points = [
@@ -157,7 +160,9 @@ def trial(stand: Stand, kind: str, movement: Drive) -> Trial:
         wanted = before.compose(Pose(bx, by, math.atan2(by - ay, bx - ax)))
         off_m = after.distance_to(wanted)
     off_rad = abs(math.remainder(after.heading_rad - wanted.heading_rad, math.tau))
-    return Trial(result, off_m, off_rad, took_s)
+    if not result.completed:
+        stand.held_rad = None
+    return Trial(result, off_m, off_rad, took_s, isinstance(movement, Move) and movement.turn_rad != 0)
 
 
 def movements(kind: str, count: int, seed: int) -> list[Drive]:
@@ -196,6 +201,7 @@ def _waypoint(choice: random.Random) -> Waypoint:
 _MADE: dict[str, Callable[[random.Random], Drive]] = {
     "turn": lambda choice: held(turn_deg=choice.choice([-1.0, 1.0]) * choice.choice([15, 30, 30, 90])),
     "move": lambda choice: held(choice.choice([0.25, 0.25, -0.25])),
+    "session": lambda choice: choice.choice([held(0.25), held(turn_deg=choice.choice([-30.0, 30.0]))]),
     "waypoint": _waypoint,
     "trajectory": _trajectory,
     "S-curve": _s_curve,
