@@ -7,8 +7,9 @@ one base; each kind of movement is tried `--count` times with the same movements
 to the time of an ideal base, and "95 %" its percentile.
 
 "true" counts movements that were answered True and that are true: a turn within 0.1 degrees, a move within 5 mm, the
-actions of a session likewise, with their turns measured from the heading of the first, the other kinds within 15 mm and 10 degrees of the direction of their end. "refused" counts those that did not begin because
-the noise of the odometry is too large for the tolerance, which `doctor --move` also reports. "failed" counts those that
+actions of a session likewise, with their turns measured from the heading of the first, the other kinds within 15 mm and
+10 degrees of the direction of their end. "refused" counts those that did not begin because the noise of the odometry is
+too large for the tolerance, which `doctor --move` also reports. "failed" counts those that
 moved and were answered False.
 """
 
