@@ -71,6 +71,13 @@ def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
     assert kept.sha256 == load_profile("turtlebot2").sha256
 
 
+def test_a_base_on_legs_needs_no_wheels_and_its_profile_has_a_hash_of_its_own() -> None:
+    legged = "\n".join(line for line in TURTLEBOT2.splitlines() if "track_m" not in line and "wheel_r" not in line)
+    profile = parse_profile(legged, origin="legged.yaml")
+    assert (profile.base.track_m, profile.base.wheel_radius_m) == (None, None)
+    assert profile.sha256 != load_profile("turtlebot2").sha256
+
+
 def test_a_robot_without_an_interface_can_be_simulated_and_not_be_reached() -> None:
     profile = parse_profile(TURTLEBOT2.split("interface:")[0], origin="mine.yaml")
     assert profile.interface is None

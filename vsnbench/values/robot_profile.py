@@ -16,19 +16,34 @@ from vsnbench.values.camera import Camera
 
 
 class Base(BaseModel):
-    """A differential-drive base."""
+    """A base on two driven wheels, or one of another kind, such as legs: then it has no `track_m` and `wheel_radius_m`.
+
+    A base without wheels is simulated on two wheels within its shell, see `vsnbench.simulator.dynamics.physics`.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     radius_m: float = Field(gt=0.05, lt=1, description="radius of the round shell, metres")
     height_m: float = Field(gt=0.05, lt=3, description="height of the whole robot, metres")
     mass_kg: float = Field(gt=0.5, lt=200)
-    track_m: float = Field(gt=0.05, lt=2, description="distance between the wheels, metres")
-    wheel_radius_m: float = Field(gt=0.01, lt=0.5)
+    track_m: float | None = Field(
+        default=None, gt=0.05, lt=2, description="distance between two driven wheels, metres; none without them"
+    )
+    wheel_radius_m: float | None = Field(default=None, gt=0.01, lt=0.5)
     max_linear_m_s: float = Field(gt=0, lt=3)
     max_angular_rad_s: float = Field(gt=0, lt=10)
     odometry_rate_hz: float = Field(gt=0, le=1000)
     has_bumper: bool = True
+
+    @model_validator(mode="after")
+    def _with_whole_wheels(self) -> Self:
+        if (self.track_m is None) != (self.wheel_radius_m is None):
+            missing = "track_m" if self.track_m is None else "wheel_radius_m"
+            raise ValueError(
+                f"{missing} is missing: give track_m and wheel_radius_m of two driven wheels, or neither for a base "
+                "without them"
+            )
+        return self
 
 
 class Speeds(BaseModel):

@@ -18,7 +18,7 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         found.append(
             f"speeds.angular_rad_s {speeds.angular_rad_s:g} exceeds base.max_angular_rad_s {base.max_angular_rad_s:g}"
         )
-    if base.track_m / 2 > base.radius_m:
+    if base.track_m is not None and base.track_m / 2 > base.radius_m:
         found.append(f"base.track_m {base.track_m:g} puts the wheels outside the radius of {base.radius_m:g} m")
     if base.odometry_rate_hz < 10:
         found.append(f"base.odometry_rate_hz {base.odometry_rate_hz:g} is slow: every action takes longer")
