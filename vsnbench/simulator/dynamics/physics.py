@@ -145,6 +145,7 @@ class Physics:
     def slide(self, left_m: float) -> None:
         """Displace the base to its left without turning its wheels."""
         heading_rad = self.pose.heading_rad
+        self._free_m -= abs(left_m)
         position = self._world.data.qpos
         position[0] -= left_m * math.sin(heading_rad)
         position[1] += left_m * math.cos(heading_rad)
