@@ -1,5 +1,7 @@
 """Plausibility of a robot profile: valid values that do not fit together."""
 
+from vsnbench.protocol.depth_evidence import evidence_pixels
+from vsnbench.protocol.parameters import DepthGuard
 from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -30,6 +32,13 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         found.append(
             f"camera.mount_forward_m {camera.mount_forward_m:g} is more than {_ARM_M:g} m outside the base's radius "
             f"of {base.radius_m:g} m"
+        )
+    has_depth = profile.interface is None or interface_of(profile).depth
+    seen = evidence_pixels(camera.without_roll, camera.width, camera.height, base.radius_m, DepthGuard()).pixels
+    if has_depth and not seen.any():
+        found.append(
+            f"camera.tilt_deg {camera.tilt_deg:g}: the camera does not see the way ahead of the robot, and the depth "
+            "guard refuses every forward move"
         )
     if camera.depth_min_m >= camera.depth_max_m:
         found.append(f"camera.depth_min_m {camera.depth_min_m:g} is not below depth_max_m {camera.depth_max_m:g}")
