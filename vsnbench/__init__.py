@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from vsnbench.values.model.card import ModelCard
     from vsnbench.values.model.trained_camera import TrainedCamera
     from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
-    from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
+    from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Sidestep, Trajectory, Velocity, Waypoint
     from vsnbench.values.observation import Budget, Observation, Sensor
     from vsnbench.values.pose import Pose
     from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
@@ -66,6 +66,7 @@ __all__ = [
     "RobotError",
     "RobotIdentity",
     "Sensor",
+    "Sidestep",
     "Site",
     "StartingPosition",
     "Task",
@@ -99,7 +100,16 @@ _NAMES = {
     "vsnbench.values.motion_result": ("Collision", "CollisionSource", "MotionResult"),
     "vsnbench.values.model.card": ("ModelCard",),
     "vsnbench.values.model.trained_camera": ("TrainedCamera",),
-    "vsnbench.values.movement": ("ActionKind", "Chunk", "Move", "Pixel", "Trajectory", "Velocity", "Waypoint"),
+    "vsnbench.values.movement": (
+        "ActionKind",
+        "Chunk",
+        "Move",
+        "Pixel",
+        "Sidestep",
+        "Trajectory",
+        "Velocity",
+        "Waypoint",
+    ),
     "vsnbench.values.observation": ("Budget", "Observation", "Sensor"),
     "vsnbench.values.pose": ("Pose",),
     "vsnbench.values.robot_identity": ("RobotIdentity", "kind_of_class"),

@@ -15,13 +15,14 @@ class Late(Policy):
 """
 """A model whose card is known only when it is created."""
 ANSWERS = """from vsnbench import (
-    Action, ActionKind, Chunk, Decision, ModelCard, Move, Pixel, Policy, Sensor, Trajectory, Velocity, Waypoint,
+    Action, ActionKind, Chunk, Decision, ModelCard, Move, Pixel, Policy, Sensor, Sidestep, Trajectory, Velocity,
+    Waypoint,
 )
 
 RGB = frozenset({Sensor.RGB})
 ANSWERS = [
     Pixel(320.0, 475.0), Chunk((Action.TURN_LEFT, Waypoint(0.3, 0.0))), Waypoint(0.2, 0.1, 0.5),
-    Trajectory(((0.1, 0.0), (0.2, 0.1))), Velocity(0.1, 0.2, 0.5), Move(-0.2, 0.1),
+    Trajectory(((0.1, 0.0), (0.2, 0.1))), Velocity(0.1, 0.2, 0.5), Move(-0.2, 0.1), Sidestep(0.05),
 ] + 12 * [Action.MOVE_BACKWARD]
 
 
@@ -60,6 +61,14 @@ max_time_s: 600
 max_path_m: 50
 placement: {distance_m: 0.05, heading_deg: 2}
 """
+LATERAL = """  max_lateral_m_s: 0.3
+  min_linear_m_s: 0.02
+  min_angular_rad_s: 0.05
+  min_lateral_m_s: 0.02
+  max_acceleration_m_s2: 1.0
+  max_acceleration_rad_s2: 2.0
+  dead_time_s: 0.1
+"""
 NEAR = [(3.6, 3.2), (3.6, 3.0), (3.6, 2.8), (3.7, 2.5), (4.0, 2.4), (4.3, 2.4), (3.5, 3.2), (3.5, 2.9)]
 """Starting positions near the chair of the starter's site."""
 GOALS = """
@@ -89,6 +98,8 @@ def write_files(directory: Path) -> None:
     plain = profile.partition("\ninterface:")[0] + (
         "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\ndynamics: {dead_time_s: 0.05, odometry_rate_hz: 20}\n"
     )
+    wheels = "  track_m: 0.230\n  wheel_radius_m: 0.035\n"
+    assert wheels in plain
     texts = {
         "log/datos.csv": DRY_LOG,
         "episodes.json": json.dumps(HABITAT),
@@ -102,6 +113,7 @@ def write_files(directory: Path) -> None:
         "robot.yaml": plain.replace("linear_m_s: 0.3", "linear_m_s: 0.9").replace(
             "tilt_deg:", "roll_deg: 2\n  tilt_deg:"
         ),
+        "legs.yaml": profile.partition("\ninterface:")[0].replace(wheels, LATERAL),
         "invalid-robot.yaml": profile.replace("radius_m: 0.177", "radius_m: 17"),
         "progress.yaml": STUDY,
     }

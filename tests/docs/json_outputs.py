@@ -58,6 +58,7 @@ protocol check invalid-protocol.yaml
 robots list
 robots show lola2
 robots show robot.yaml
+robots show legs.yaml
 robots check turtlebot2
 robots check robot.yaml
 robots check invalid-robot.yaml
@@ -79,7 +80,7 @@ run --model random --goal chair --starts 1 {SHORT}
 run --model random,forward --goal chair --starts 1-2 {SHORT} --keep none
 run --model oracle-waypoints --goal chair --starts 1
 run --model forward --goal bed --starts 1 {SHORT} --rehearse --unattended
-run --model answers:Answers --goal chair --site goals.yaml --starts 3 --max-steps 20
+run --model answers:Answers --robot simulated:legs.yaml --goal chair --site goals.yaml --starts 3 --max-steps 20
 run --model answers:Broken --goal chair --starts 1-4 {SHORT} --results broken
 run --model random,late:Late --goal chair --starts 1 {SHORT} --keep none --results broken
 run --model random --site flat:0,flat:4 --goal bathtub --starts 1 {SHORT} --keep none --results broken

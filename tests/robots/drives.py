@@ -4,11 +4,12 @@ from typing import Any
 
 import pytest
 
-from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint, movement_to_json
+from vsnbench.values.movement import Move, Sidestep, Trajectory, Velocity, Waypoint, movement_to_json
 
 FREE: dict[str, tuple[dict[str, Any], tuple[float, float]]] = {
     "waypoint": (movement_to_json(Waypoint(0.5, 0.3, 0.0)), (0.5, 0.3)),
     "move": (movement_to_json(Move(0.4, 0.6)), (0.33013, 0.22586)),
+    "sidestep": (movement_to_json(Sidestep(-0.3)), (0.0, -0.3)),
     "trajectory": (movement_to_json(Trajectory(((0.2, 0.0), (0.4, 0.1), (0.6, 0.2)))), (0.6, 0.2)),
 }
 """Movements that the wall ahead leaves free, and where they end."""

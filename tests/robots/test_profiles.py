@@ -10,6 +10,7 @@ from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile, profile_path
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.ros.ros2.interface import ros2_interface
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 
 TURTLEBOT4 = embedded_profiles()["turtlebot4"].read_text(encoding="utf-8")
@@ -71,6 +72,13 @@ def test_what_an_older_record_kept_of_a_robot_is_still_a_profile() -> None:
     assert kept.sha256 == load_profile("turtlebot2").sha256
 
 
+def test_a_base_on_legs_needs_no_wheels_and_its_profile_has_a_hash_of_its_own() -> None:
+    legged = "\n".join(line for line in TURTLEBOT2.splitlines() if "track_m" not in line and "wheel_r" not in line)
+    profile = parse_profile(legged, origin="legged.yaml")
+    assert (profile.base.track_m, profile.base.wheel_radius_m) == (None, None)
+    assert profile.sha256 != load_profile("turtlebot2").sha256
+
+
 def test_a_robot_without_an_interface_can_be_simulated_and_not_be_reached() -> None:
     profile = parse_profile(TURTLEBOT2.split("interface:")[0], origin="mine.yaml")
     assert profile.interface is None
@@ -120,3 +128,19 @@ def test_the_dynamics_of_a_profile_are_simulated_and_do_not_change_the_real_robo
     file.write_text(profile_path("turtlebot2").read_text() + "dynamics: {deadband_m_s: 0.8}\n")
     with pytest.raises(RobotError, match="deadband_m_s"):
         load_profile(file)
+
+
+def test_fields_of_a_base_that_older_profiles_do_not_have_change_no_hash_unless_they_are_given() -> None:
+    base = load_profile("turtlebot2").base
+    assert not base.model_dump().keys() & {"max_lateral_m_s", "min_linear_m_s", "dead_time_s"}
+    slower = TURTLEBOT2.replace("  max_angular_rad_s", "  dead_time_s: 0.1\n  max_angular_rad_s", 1)
+    profile = parse_profile(slower, origin="mine.yaml")
+    assert profile.content()["base"]["dead_time_s"] == 0.1
+    assert profile.sha256 != load_profile("turtlebot2").sha256
+
+
+def test_only_a_base_with_a_lateral_limit_moves_sideways() -> None:
+    assert ActionKind.SIDESTEP not in load_profile("turtlebot2").drive_kinds
+    legged = "\n".join(line for line in TURTLEBOT2.splitlines() if "track_m" not in line and "wheel_r" not in line)
+    profile = parse_profile(legged.replace("  mass_kg", "  max_lateral_m_s: 0.3\n  mass_kg"), origin="legged.yaml")
+    assert ActionKind.SIDESTEP in profile.drive_kinds

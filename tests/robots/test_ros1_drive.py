@@ -53,7 +53,7 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig, name: str) -> None:
 
 
 def test_the_robot_of_vsnbenchs_own_node_executes_every_kind(rig: Rig) -> None:
-    assert rig.client("kinds") == ["discrete", "move", "trajectory", "velocity", "waypoint"]
+    assert rig.client("kinds") == ["discrete", "move", "sidestep", "trajectory", "velocity", "waypoint"]
 
 
 @pytest.mark.parametrize(("movement", "fault"), FAULTS_IN_FLIGHT)

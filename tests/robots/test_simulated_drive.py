@@ -5,6 +5,7 @@ import math
 import pytest
 
 from tests.movements import FORWARD, movement_of
+from tests.sensing.stand import LEGGED
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView
 from vsnbench.robots.profiles import load_profile
@@ -12,7 +13,7 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.path_guard import MAX_AGE_S, PathGuard
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
-from vsnbench.values.movement import Drive, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Drive, Sidestep, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import BaseDynamics
 
@@ -56,6 +57,18 @@ def test_a_free_movement_ends_at_its_target(movement: Drive, target: Pose) -> No
     assert robot.locate().pose.distance_to(target) < 0.02
     assert result.path_m is not None
     assert result.path_m >= math.hypot(target.x_m, target.y_m) - 0.03
+
+
+def test_a_sidestep_ends_beside_the_start_and_at_a_wall_in_a_collision() -> None:
+    robot = SimulatedRobot(ROOM, LEGGED)
+    robot.begin(StartingPosition(number=1, position=(0.0, 2.0), heading_deg=0.0), 1)
+    result = robot.drive(Sidestep(0.25), guard_of(robot))
+    assert (result.completed, result.displacement_m) == (True, pytest.approx(0.25, abs=0.005))
+    assert robot.locate().pose.distance_to(Pose(0.0, 2.25)) < 0.005
+    result = robot.drive(Sidestep(1.0), guard_of(robot))
+    assert result.collision is not None
+    assert result.collision.touched == "wall"
+    assert robot.locate().pose.y_m < 3.0 - LEGGED.base.radius_m
 
 
 @pytest.mark.parametrize("speed_m_s", [0.2, 0.3, 0.5])

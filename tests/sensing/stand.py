@@ -19,7 +19,7 @@ from vsnbench.simulator.dynamics.simulated_base import SimulatedBase
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import parse_site
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive, Move, Trajectory, Waypoint
+from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
@@ -35,6 +35,9 @@ starts: [{number: 1, position: [0, 0], heading_deg: 17}]
 SCENE = build_scene(HALL)
 PROFILE = load_profile("turtlebot2")
 SETTINGS = MotionSettings.for_robot(PROFILE)
+_ON_LEGS = {"track_m": None, "wheel_radius_m": None, "max_lateral_m_s": 0.3}
+LEGGED = PROFILE.model_copy(update={"base": PROFILE.base.model_copy(update=_ON_LEGS)})
+"""A base that can also move sideways."""
 REST_S = 0.5
 
 
@@ -132,7 +135,7 @@ def trial(stand: Stand, kind: str, movement: Drive) -> Trial:
 
     Args:
         stand: base and mover.
-        kind: turn, move, session (turns and moves that keep a heading), waypoint, trajectory or S-curve.
+        kind: turn, move, session (turns and moves that keep a heading), waypoint, trajectory, S-curve or sidestep.
         movement: the movement.
     """
     if math.hypot(*stand.base.pose.position) > 20:  # before it reaches the wall
@@ -150,6 +153,9 @@ def trial(stand: Stand, kind: str, movement: Drive) -> Trial:
         stand.held_rad += movement.turn_rad
         wanted = Pose(*before.position, stand.held_rad)
         off_m = abs(after.distance_to(before) - abs(movement.distance_m))
+    elif isinstance(movement, Sidestep):
+        wanted = before.compose(Pose(0.0, movement.left_m))
+        off_m = after.distance_to(wanted)
     else:
         assert isinstance(movement, Waypoint | Trajectory)
         points = [
@@ -205,5 +211,6 @@ _MADE: dict[str, Callable[[random.Random], Drive]] = {
     "waypoint": _waypoint,
     "trajectory": _trajectory,
     "S-curve": _s_curve,
+    "sidestep": lambda choice: Sidestep(choice.choice([-1, 1]) * choice.choice([0.1, 0.25, 0.25, 0.5, 1.0])),
 }
 KINDS = tuple(_MADE)

@@ -6,14 +6,17 @@ whole grid.
 
 import math
 from functools import cache
+from itertools import pairwise
 from statistics import mean
 
 import pytest
 
-from tests.sensing.stand import KINDS, SETTINGS, Stand, Trial, held, movements, trial
+from tests.sensing.stand import KINDS, LEGGED, PROFILE, SETTINGS, Stand, Trial, held, movements, trial
+from vsnbench.control.command import Command
 from vsnbench.control.law import turn_error_rad
-from vsnbench.values.movement import Velocity
-from vsnbench.values.robot_profile import BaseDynamics
+from vsnbench.control.settings import MotionSettings
+from vsnbench.values.movement import Sidestep, Velocity
+from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics
 
 COUNT = 4
 LATE = BaseDynamics(dead_time_s=0.05, motor_time_constant_s=0.08)
@@ -27,13 +30,33 @@ BASES = {
     "deaf to slow commands": (LATE.model_copy(update={"deadband_m_s": 0.05, "deadband_rad_s": 0.1}), 1.7),
     "turns more than commanded": (BaseDynamics(dead_time_s=0.1, turn_gain=1.5), 2.6),
     "turns less than commanded": (LATE.model_copy(update={"turn_gain": 0.5}), 2.8),
+    "slow and askew to the side": (
+        LATE.model_copy(update={"lateral_gain": 0.8, "creep": 0.06, "deadband_lateral_m_s": 0.06}),
+        2.8,
+    ),
     "walks": (LATE.model_copy(update={"sway_m": 0.008, "sway_hz": 2.5, "crab": 0.01}), 1.6),
 }
 
 
+class Recording(Stand):
+    """A stand that keeps what was commanded."""
+
+    def __post_init__(self) -> None:
+        self.commands: list[Command] = []
+        super().__post_init__()
+
+    def hear(self, command: Command) -> None:
+        self.commands.append(command)
+        super().hear(command)
+
+
+def stand_for(kind: str, dynamics: BaseDynamics = IDEAL_BASE) -> Stand:
+    return Stand(dynamics, profile=LEGGED if kind == "sidestep" else PROFILE)
+
+
 @cache
 def ideal_trials(kind: str) -> list[Trial]:
-    stand = Stand()
+    stand = stand_for(kind)
     return [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=1)]
 
 
@@ -41,7 +64,7 @@ def ideal_trials(kind: str) -> list[Trial]:
 @pytest.mark.parametrize("base", BASES)
 def test_a_movement_on_a_difficult_base_is_done_facing_ahead_and_in_time(base: str, kind: str) -> None:
     dynamics, slower = BASES[base]
-    stand = Stand(dynamics)
+    stand = stand_for(kind, dynamics)
     tried = [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=1)]
     assert [one.result.failure for one in tried] == [""] * COUNT
     assert [one.off_m for one in tried if not one.is_true(kind)] == []
@@ -59,6 +82,50 @@ def test_a_movement_ends_at_its_deadline(kind: str) -> None:
     assert stand.base.now_s - before_s == pytest.approx(2.0, abs=0.05)
     stand.sleep_until(stand.base.now_s + 1.0)
     assert stand.base.command.linear_m_s == 0.0
+
+
+MINIMUMS = {"min_linear_m_s": 0.08, "min_angular_rad_s": 0.2, "min_lateral_m_s": 0.06}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_base_is_never_commanded_slower_than_its_minimum_and_ends_where_it_should(kind: str) -> None:
+    base = LEGGED.base.model_copy(update=MINIMUMS)
+    dynamics = LATE.model_copy(update={"deadband_m_s": 0.08, "deadband_rad_s": 0.2, "deadband_lateral_m_s": 0.06})
+    stand = Recording(dynamics, profile=LEGGED.model_copy(update={"base": base}))
+    tried = [trial(stand, kind, movement) for movement in movements(kind, COUNT, seed=2)]
+    assert [one.result.failure for one in tried] == [""] * COUNT
+    assert [one.off_m for one in tried if not one.is_true(kind)] == []
+    for axis, least in MINIMUMS.items():
+        sent = {abs(getattr(command, axis.removeprefix("min_"))) for command in stand.commands}
+        assert min(sent - {0.0}, default=least) >= least - 1e-9, axis
+
+
+def test_a_velocity_below_the_minimum_of_an_axis_is_zero_on_it() -> None:
+    stand = Recording(LATE, profile=LEGGED.model_copy(update={"base": LEGGED.base.model_copy(update=MINIMUMS)}))
+    result = stand.drive(Velocity(0.2, 0.1, 1.0))
+    assert result.completed, result.failure
+    assert {command.angular_rad_s for command in stand.commands} == {0.0}
+    assert min(command.linear_m_s for command in stand.commands if command.linear_m_s) >= 0.08
+
+
+def test_a_limit_of_the_acceleration_makes_movements_slower() -> None:
+    base = PROFILE.base.model_copy(update={"max_acceleration_m_s2": 0.2, "max_acceleration_rad_s2": 0.4})
+    settings = MotionSettings.for_robot(PROFILE.model_copy(update={"base": base}))
+    stand = Recording(profile=PROFILE.model_copy(update={"base": base}))
+    assert stand.drive(held(0.25)).completed
+    speeds = [command.linear_m_s for command in stand.commands]
+    steepest = max(abs(b - a) for a, b in pairwise(speeds[: len(speeds) // 2])) / settings.control_period_s
+    assert steepest <= 0.2 * 1.02
+    assert MotionSettings.for_robot(PROFILE).linear_m_s == 0.3, "without a limit the speed is the profile's"
+
+
+def test_a_base_on_two_wheels_refuses_a_sidestep_without_moving() -> None:
+    stand = Stand()
+    before = stand.base.pose
+    result = stand.drive(Sidestep(0.25))
+    assert not result.completed
+    assert "max_lateral_m_s" in result.failure
+    assert stand.base.pose.distance_to(before) < 1e-6
 
 
 def test_a_velocity_ends_at_rest_on_a_noisy_base() -> None:

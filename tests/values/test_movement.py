@@ -17,6 +17,7 @@ from vsnbench.values.movement import (
     Move,
     Movement,
     Pixel,
+    Sidestep,
     Trajectory,
     Velocity,
     Waypoint,
@@ -32,6 +33,7 @@ MOVEMENTS: st.SearchStrategy[Movement] = st.one_of(
     st.builds(Trajectory, st.lists(st.tuples(METRES, METRES), min_size=2, max_size=2).map(tuple)),
     st.builds(Velocity, METRES, METRES, st.floats(0.1, 2)),
     st.builds(Pixel, st.floats(0, 639), st.floats(0, 479)),
+    st.builds(Sidestep, METRES),
 )
 
 
@@ -67,6 +69,8 @@ def test_a_chunk_is_a_decision_of_several_parts() -> None:
         Trajectory(((1.0, 0.0), (2.0,))),  # type: ignore[arg-type]
         Trajectory(None),  # type: ignore[arg-type]
         Pixel(1e6, 0.0),
+        Sidestep(6.0),
+        Sidestep(math.nan),
         Chunk(()),
         Chunk((Action.STOP,) * (MAX_PARTS + 1)),
         Chunk((Chunk((Action.STOP,)),)),  # type: ignore[arg-type]

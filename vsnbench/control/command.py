@@ -24,6 +24,11 @@ class Command:
     angular_rad_s: float = 0.0
     lateral_m_s: float = 0.0
 
+    @property
+    def turned_left(self) -> "Command":
+        """The command to a base of a velocity in the frame of a robot that faces to the left of it."""
+        return Command(-self.lateral_m_s, self.angular_rad_s, self.linear_m_s)
+
 
 STANDSTILL = Command()
 

@@ -59,7 +59,8 @@ class MotionController(Controller):
     measured during acceleration. The result is judged only at rest; a small remaining error is corrected by dead
     reckoning.
 
-    A turn goes to the absolute `target_heading_rad`; a straight move holds this heading, or steers to its target.
+    A turn goes to the absolute `target_heading_rad`; a straight move holds this heading, or steers to its target. A
+    lateral move is the straight move of a robot that faces left, without steering.
 
     Args:
         leg: a turn or a straight leg.
@@ -83,6 +84,9 @@ class MotionController(Controller):
         response: BaseResponse | None = None,
     ) -> None:
         super().__init__()
+        self._is_lateral = leg.is_lateral
+        if leg.is_lateral:
+            start, target_heading_rad = _facing_left(start), target_heading_rad + math.pi / 2
         self.settings = settings
         self._start = start
         self._target_heading_rad = target_heading_rad
@@ -95,6 +99,8 @@ class MotionController(Controller):
         self._commanded = 0.0
         self._knows_response = response is not None
         response = response or BaseResponse(settings.latency_s)
+        if leg.is_lateral:
+            response = response.sideways
         self._sent = SentCommands(response)
         self._target = leg.target
         self._still_since: _Mark | None = None
@@ -114,11 +120,11 @@ class MotionController(Controller):
         self._odometry_timeout_s = settings.odometry_timeout_s
         self._acceleration = acceleration(self._cruise, self._way, settings.acceleration_share)
         self._deceleration = acceleration(self._cruise, self._way, settings.deceleration_share)
-        self._slowest = SlowestVelocity(
-            response.slowest_rad_s if self._turns else response.slowest_m_s, self._cruise, self._tolerance, settings
-        )
+        slowest_rad_s = max(response.slowest_rad_s, settings.slowest_rad_s)
+        slowest = slowest_rad_s if self._turns else max(response.slowest_m_s, settings.slowest_m_s)
+        self._slowest = SlowestVelocity(slowest, self._cruise, self._tolerance, settings)
         self._correction = Correction(self._tolerance, self._slowest, knows_delay=self._knows_response)
-        self._slowest_turn = SlowestVelocity(response.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
+        self._slowest_turn = SlowestVelocity(slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         if not is_quiet(spread := noise.along(turns=self._turns), self._tolerance):
             self._window = RestWindow(spread, start_error, self._tolerance)
             self._smoothing = RemainingFilter()
@@ -151,6 +157,8 @@ class MotionController(Controller):
         """
         if self.status is not _MOVING:
             return STANDSTILL
+        if self._is_lateral:
+            pose = _facing_left(pose)
         stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
         if self._began_s is None:
             self._began_s, self._last_s = now_s, now_s - self._period_s
@@ -175,7 +183,7 @@ class MotionController(Controller):
         if self.status is not _MOVING:
             return STANDSTILL
         self._sent.add(now_s, command)
-        return command
+        return command.turned_left if self._is_lateral else command
 
     def error(self, pose: Pose) -> float:
         """Return the remaining distance at `pose`: metres or radians, positive in the direction of the motion."""
@@ -227,7 +235,7 @@ class MotionController(Controller):
         if self._turns:
             return Command(angular_rad_s=signed)
         _, turning_rad = pending if pending is not None else self._sent.pending(now_s, stamp_s)
-        if self._target is not None and abs(left) > _HOMING_M:
+        if self._target is not None and abs(left) > _HOMING_M and not self._is_lateral:
             x_m, y_m = self._target[0] - pose.x_m, self._target[1] - pose.y_m
             self._target_heading_rad = math.atan2(self._sign * y_m, self._sign * x_m)
         turn_rad_s = self._holding_rad_s(pose.heading_rad + turning_rad)
@@ -317,3 +325,8 @@ class MotionController(Controller):
         if self._turns:
             return f"turned {math.degrees(way - left):.2f}° of {math.degrees(way):g}°"
         return f"moved {(way - left) * 100:.1f} cm of {way * 100:g} cm"
+
+
+def _facing_left(pose: Pose) -> Pose:
+    """Return the pose of a robot that faces to the left of another."""
+    return Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)

@@ -14,7 +14,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import DRIVE_SHARE
 from vsnbench.control.standstill import QUIET, StandstillNoise
 from vsnbench.control.velocity_controller import VelocityController
-from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
 ARRIVED_M = 0.012
@@ -77,6 +77,8 @@ class LegPlan:
                 (ax, ay), (bx, by) = path[-2:]
                 if (ax, ay) != (bx, by) and not self.failure:
                     yield from self._face(math.atan2(by - ay, bx - ax), _FACING_RAD)
+            case Sidestep(left_m):
+                yield from self._step_aside(start.compose(Pose(0.0, left_m)).position, start.heading_rad)
             case Velocity():
                 yield Leg(velocity=movement)
 
@@ -102,6 +104,21 @@ class LegPlan:
             leg = self._leg_to(point, is_correction=approaches > 0)
             approaches += not leg.turns
             yield leg
+        self._require_arrival(point)
+
+    def _step_aside(self, point: tuple[float, float], heading_rad: float) -> Iterator[Leg]:
+        """Move sideways to a point, then correct along the axis with the larger error, and face the heading."""
+        for _ in range(_CORRECTIONS + 1):
+            if self._away_m(point) < ARRIVED_M:
+                break
+            off = Pose(*point).relative_to(Pose(*self._pose.position, heading_rad))
+            is_lateral = abs(off.y_m) >= abs(off.x_m)
+            yield Leg(off.y_m if is_lateral else off.x_m, heading_rad, target=point, is_lateral=is_lateral)
+        self._require_arrival(point)
+        if not self.failure:
+            yield from self._face(heading_rad, _FACED_RAD)
+
+    def _require_arrival(self, point: tuple[float, float]) -> None:
         if (off_m := self._away_m(point)) > MISSED_M:
             self.failure = f"ended {off_m * 1000:.0f} mm from the requested point, after {_CORRECTIONS} corrections"
 
@@ -142,6 +159,9 @@ def longest_duration_s(movement: Drive, settings: MotionSettings) -> float:
             way_m, turned_rad, legs = abs(distance_m), abs(turn_rad), 2
         case Waypoint(x_m, y_m):
             way_m, turned_rad, legs = math.hypot(x_m, y_m), math.tau, 3
+        case Sidestep(left_m):
+            slower = settings.linear_m_s / settings.lateral_m_s if settings.lateral_m_s else 1.0
+            way_m, turned_rad, legs = abs(left_m) * slower, 0.0, 3
         case Trajectory(points):
             way_m, turned_rad, legs = movement.length_m, math.pi * (len(points) + 1), 2
     return 2 * way_m / settings.linear_m_s + 2 * turned_rad / settings.angular_rad_s + legs * settings.timeout_s

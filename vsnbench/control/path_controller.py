@@ -65,8 +65,9 @@ class PathController(Controller):
         response = response or BaseResponse(settings.latency_s)
         self._delay_s = response.delay_s
         self._sent = SentCommands(response)
-        self._slowest_m_s = max(response.slowest_m_s, _SLOWEST_M_S)
-        self._slowest_turn = SlowestVelocity(response.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
+        self._slowest_m_s = max(response.slowest_m_s, settings.slowest_m_s, _SLOWEST_M_S)
+        slowest_rad_s = max(response.slowest_rad_s, settings.slowest_rad_s)
+        self._slowest_turn = SlowestVelocity(slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         self._progress_m = 0.0
         self._speed = 0.0
         self._is_ending = False
@@ -78,6 +79,8 @@ class PathController(Controller):
         self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
         self._stalls = StallMonitor(settings.stall_s, _STALL_M), StallMonitor(settings.stall_s, _STALL_RAD)
         self._commanded_m = self._commanded_rad = 0.0
+        self._turning_rad_s = 0.0
+        """Last turn that was commanded; a base with a slowest velocity turns in pulses."""
 
     @property
     def remaining_m(self) -> float:
@@ -120,8 +123,9 @@ class PathController(Controller):
                 self.status = MotionStatus.DONE
             return STANDSTILL
         command = self._pursue(expected, period_s)
-        if command.angular_rad_s * self._sent.last.angular_rad_s < 0:
+        if command.angular_rad_s * self._turning_rad_s < 0:
             self._stalls[1].restart()  # around a reversal, a base with an unknown lag covers nothing on balance
+        self._turning_rad_s = command.angular_rad_s or self._turning_rad_s
         self._commanded_m += abs(command.linear_m_s) * period_s
         self._commanded_rad += command.angular_rad_s * period_s
         self._sent.add(now_s, command)
@@ -151,6 +155,8 @@ class PathController(Controller):
         if abs(bearing_rad) > _TURN_ON_SPOT_RAD:
             self._speed = max(self._speed - self._deceleration * period_s, 0.0)
             turning_rad_s = math.copysign(min(fastest_rad_s, 2.0 * abs(bearing_rad)), bearing_rad)
+            if self._speed < self._settings.slowest_m_s:
+                self._speed = 0.0
             return Command(self._speed, turning_rad_s)
         curvature = 2 * math.sin(bearing_rad) / reach_m
         cornering_m_s = fastest_rad_s / abs(curvature) if curvature else math.inf

@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ _REMEMBERED = 5
 _GAINS = 0.3, 2.5
 """Smallest and largest gain of a base that still follows its commands."""
 _LINEAR_GAINS = 0.8, 1.25
-"""Limits for forward commands: a wrong gain must not drive a robot much faster than its profile says."""
+"""Limits for forward and lateral commands: a wrong gain must not drive a robot much faster than its profile says."""
 _LEAST_GAIN_ERROR = 0.04
 """Smaller differences are slip, which feedback corrects."""
 
@@ -45,6 +45,13 @@ class BaseResponse:
     angular_gain: float = 1.0
     slowest_m_s: float = 0.0
     slowest_rad_s: float = 0.0
+    lateral_gain: float = 1.0
+    slowest_lateral_m_s: float = 0.0
+
+    @property
+    def sideways(self) -> "BaseResponse":
+        """The response of a base that faces left: its forward motion is the lateral motion of this one."""
+        return replace(self, linear_gain=self.lateral_gain, slowest_m_s=self.slowest_lateral_m_s)
 
     @property
     def delay_s(self) -> float:
@@ -53,9 +60,13 @@ class BaseResponse:
 
     def scaled(self, wanted: Command) -> Command:
         """Return the command of which the base makes the wanted velocity."""
-        if self.linear_gain == 1 and self.angular_gain == 1:
+        if self.linear_gain == self.angular_gain == self.lateral_gain == 1:
             return wanted
-        return Command(wanted.linear_m_s / self.linear_gain, wanted.angular_rad_s / self.angular_gain)
+        return Command(
+            wanted.linear_m_s / self.linear_gain,
+            wanted.angular_rad_s / self.angular_gain,
+            wanted.lateral_m_s / self.lateral_gain,
+        )
 
 
 class _Sent(NamedTuple):
@@ -130,8 +141,8 @@ class ResponseMeter:
 
     def __init__(self) -> None:
         self._measured: deque[BaseResponse] = deque(maxlen=_REMEMBERED)
-        self._linear_gain = self._angular_gain = 1.0
-        self._slowest_m_s = self._slowest_rad_s = 0.0
+        self._linear_gain = self._angular_gain = self._lateral_gain = 1.0
+        self._slowest_m_s = self._slowest_rad_s = self._slowest_lateral_m_s = 0.0
 
     @property
     def response(self) -> BaseResponse | None:
@@ -145,6 +156,8 @@ class ResponseMeter:
             self._angular_gain,
             self._slowest_m_s,
             self._slowest_rad_s,
+            self._lateral_gain,
+            self._slowest_lateral_m_s,
         )
 
     def add(
@@ -155,6 +168,7 @@ class ResponseMeter:
         readings: Sequence[tuple[float, Pose]],
         *,
         turns: bool,
+        is_lateral: bool = False,
     ) -> None:
         """Add a turn or a straight move that ended by itself; one that was short or does not fit shows no delay.
 
@@ -164,7 +178,11 @@ class ResponseMeter:
             commands: time and velocity of each command, the last one zero.
             readings: time of measurement and odometry, on the same clock.
             turns: whether it was a turn.
+            is_lateral: whether it was a move to the side.
         """
+        if is_lateral:
+            start = Pose(start.x_m, start.y_m, start.heading_rad + math.pi / 2)
+            commands = [(at_s, Command(sent.lateral_m_s, sent.angular_rad_s)) for at_s, sent in commands]
         velocities = [(at_s, sent.angular_rad_s if turns else sent.linear_m_s) for at_s, sent in commands]
         covered = [(at_s, _covered(start, pose, turns=turns)) for at_s, pose in readings]
         response = measured_response(velocities, covered, _LEAST_RAD if turns else _LEAST_M)
@@ -172,13 +190,20 @@ class ResponseMeter:
             self._measured.append(response)
             if turns:
                 self._angular_gain = _settled_gain(self._angular_gain, response.angular_gain)
+            elif is_lateral:
+                self._lateral_gain = _bounded(_settled_gain(self._lateral_gain, response.linear_gain))
             else:
-                gain = _settled_gain(self._linear_gain, response.linear_gain)
-                self._linear_gain = min(max(gain, _LINEAR_GAINS[0]), _LINEAR_GAINS[1])
+                self._linear_gain = _bounded(_settled_gain(self._linear_gain, response.linear_gain))
         if turns:
             self._slowest_rad_s = max(self._slowest_rad_s, slowest)
+        elif is_lateral:
+            self._slowest_lateral_m_s = max(self._slowest_lateral_m_s, slowest)
         else:
             self._slowest_m_s = max(self._slowest_m_s, slowest)
+
+
+def _bounded(gain: float) -> float:
+    return min(max(gain, _LINEAR_GAINS[0]), _LINEAR_GAINS[1])
 
 
 def _covered(start: Pose, pose: Pose, *, turns: bool) -> float:

@@ -17,7 +17,7 @@ class SlowestVelocity:
     """Finds the slowest velocity of one axis, and avoids slower commands.
 
     Args:
-        velocity: slowest velocity known from earlier movements; 0 if none is known.
+        velocity: slowest velocity known from earlier movements or the profile; 0 if none is known.
         cruise: cruising speed of the axis; the slowest velocity is at most a share of it.
         tolerance: tolerance of the movement; infinity where nothing is to be found out.
         settings: settings of the movement.

@@ -1,6 +1,7 @@
 """Controller of a velocity that is held for a time: ramp up, hold, ramp down, settle."""
 
 import math
+from dataclasses import replace
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.settings import MotionSettings
@@ -22,15 +23,20 @@ _SETTLE_LIMIT_S = 3.0
 class VelocityController(Controller):
     """Holds a velocity within the limits of the base; the ramps are part of the duration.
 
-    The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest.
+    The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest. A
+    velocity below the slowest of its axis is zero, as the base would take it; ramps begin and end at the slowest.
     """
 
     def __init__(
         self, velocity: Velocity, start: Pose, settings: MotionSettings, noise: StandstillNoise = QUIET
     ) -> None:
         super().__init__()
-        self._velocity = velocity
         self._settings = settings
+        self._velocity = velocity = replace(
+            velocity,
+            linear_m_s=velocity.linear_m_s if abs(velocity.linear_m_s) >= settings.slowest_m_s else 0.0,
+            angular_rad_s=velocity.angular_rad_s if abs(velocity.angular_rad_s) >= settings.slowest_rad_s else 0.0,
+        )
         self._last = start
         self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
         self._is_ending = False
@@ -81,7 +87,9 @@ class VelocityController(Controller):
                 self._is_ending = True
                 self._rest.begin(now_s + self._settings.settle_s)
             return self._settle(pose, stamp_s)
-        command = Command(share * self._velocity.linear_m_s, share * self._velocity.angular_rad_s)
+        command = self._settings.sendable(
+            Command(share * self._velocity.linear_m_s, share * self._velocity.angular_rad_s)
+        )
         period_s = now_s - self._last_s
         self._last_s = now_s
         self._commanded_m += abs(command.linear_m_s) * period_s

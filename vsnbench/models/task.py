@@ -18,6 +18,8 @@ class RobotFacts:
     max_angular_rad_s: float
     camera: Camera
     """The robot's camera. The camera of an observation counts where they differ."""
+    max_lateral_m_s: float = 0.0
+    """0 for a base that cannot move sideways."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,5 +50,6 @@ def task_of(goal: str, seed: int, parameters: ProtocolParameters, profile: Robot
             max_linear_m_s=base.max_linear_m_s,
             max_angular_rad_s=base.max_angular_rad_s,
             camera=profile.camera.model_copy(),
+            max_lateral_m_s=base.max_lateral_m_s,
         ),
     )

@@ -17,7 +17,7 @@ from vsnbench.robots.ros.link import connect
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
 from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, rectifier_of
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, is_of_own_size, rectifier_of
 from vsnbench.values.camera import Camera
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -87,13 +87,15 @@ def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
     frames = _last_depths(link, link.names.depth_frames)
     decoded = [decode_depth(link.image(frame.payload)) for frame in frames]
     height, width = decoded[-1].shape[:: -1 if link.image_turns % 2 else 1]
-    if (width, height) != (camera.width, camera.height):
+    calibration = link.snapshot().calibrations.get(topic)
+    of_own_size = is_of_own_size(calibration, camera, decoded[-1].shape[::-1], link.image_turns)
+    if (width, height) != (camera.width, camera.height) and not of_own_size:
         raise RobotError(
             f"the depth image is {width}x{height}, the profile has {camera.width}x{camera.height}",
             advice="set the mode of the camera driver, or the camera of the profile",
             code="wrong-image-size",
         )
-    rectifier = rectifier_of(link.snapshot().calibrations.get(topic), camera, topic, link.image_turns)
+    rectifier = rectifier_of(calibration, camera, topic, link.image_turns, of_own_size=of_own_size)
     return rectifier.depth(median_depth_m(decoded, camera.depth_min_m, camera.depth_max_m))
 
 
@@ -116,7 +118,7 @@ def _last_depths(link: RobotLink, count: int) -> Sequence[Stamped[Any]]:
 def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
     """Return the field of view in camera_info, or None."""
     topic = link.names.depth
-    _last_depths(link, 1)  # the camera has to be discovered first
+    (newest,) = _last_depths(link, 1)  # the camera has to be discovered first
     calibration = link.wait_for(lambda now: now.calibrations.get(topic), _CALIBRATION_S)
     if not isinstance(calibration, Intrinsics):
         if link.names.depth_info and calibration is None:
@@ -127,6 +129,8 @@ def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
         return None
     if calibration.is_fisheye:
         return None  # the profile has the view that is cropped from the lens's
+    if is_of_own_size(calibration, camera, decode_depth(link.image(newest.payload)).shape[::-1], link.image_turns):
+        return None  # the profile has the view of the colour camera
     measured = Measured(calibration.horizontal_fov_deg(link.image_turns), _FOV_STD_DEG)
     limit = FOV_SHARE * camera.horizontal_fov_deg
     return MountDifference("horizontal_fov_deg", "°", measured, camera.horizontal_fov_deg, limit)

@@ -27,7 +27,7 @@ from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import DRIVE_KINDS, STOP, ActionKind, Drive, holds_heading
+from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
@@ -56,7 +56,6 @@ class SimulatedRobot(Robot):
     """
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
-    action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
     renders_views = True
 
     def __init__(
@@ -70,6 +69,7 @@ class SimulatedRobot(Robot):
         self.site = site
         self.profile = profile
         self.noise = noise
+        self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
         self._draws_labels = Sensor.INSTANCES in read or noise is not None
         self._draws_colours = self._draws_labels or Sensor.RGB in read
         self.conditions: Mapping[str, Any] = (
@@ -193,7 +193,7 @@ class SimulatedRobot(Robot):
     ) -> tuple[Touch | None, str]:
         """Drive a leg to its end; return the contact that ended it, and why `watch` ended it."""
         command, looked_s = STANDSTILL, -math.inf
-        if not leg.translates:
+        if not leg.translates or leg.is_lateral:  # the camera does not look to the side
             watch = None
         while controller.status is MotionStatus.MOVING:
             now_s = self._physics.time_s

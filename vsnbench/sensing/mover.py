@@ -25,7 +25,7 @@ from vsnbench.sensing.mover_senses import MoverSenses
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
+from vsnbench.values.movement import STOP, Drive, Sidestep, holds_heading, movement_text
 from vsnbench.values.pose import Pose
 
 _SETTLING_READINGS = 2.5
@@ -141,6 +141,8 @@ class Mover:
             caller_gone: returns whether the caller has disconnected, which ends the movement.
             timeout_s: longest duration, if it is shorter than `longest_duration_s`.
         """
+        if isinstance(movement, Sidestep) and not self._settings.lateral_m_s:
+            return _failed("the base cannot move sideways: its profile has no base.max_lateral_m_s")
         holds = holds_heading(movement)
         if not holds:
             timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
@@ -235,7 +237,7 @@ class Mover:
                     break
                 command = controller.step(reading.pose, now_s, self._clock.to_local(reading.stamp_s))
                 commands.append((now_s, command))
-                self._send(command if response is None else response.scaled(command))
+                self._send(settings.sendable(command if response is None else response.scaled(command)))
                 self._sleep_until(now_s + settings.control_period_s)
             else:
                 ended_by_itself = not controller.sensor_lost
@@ -249,7 +251,8 @@ class Mover:
                     self._held.forget()
                 self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
         if isinstance(controller, MotionController) and ended_by_itself:
-            self._response.add(controller.slowest, start.pose, commands, driven, turns=leg.turns)
+            slowest, lateral = controller.slowest, leg.is_lateral
+            self._response.add(slowest, start.pose, commands, driven, turns=leg.turns, is_lateral=lateral)
         return MotionResult(
             controller.done,
             failure=controller.failure,

@@ -18,7 +18,8 @@ class Action(StrEnum):
     TRAJECTORY = "TRAJECTORY"
     VELOCITY = "VELOCITY"
     PIXEL = "PIXEL"
-    """This and the four before it have parameters: see `vsnbench.values.movement`."""
+    SIDESTEP = "SIDESTEP"
+    """This and the five before it have parameters: see `vsnbench.values.movement`."""
     LOOK_UP = "LOOK_UP"
     LOOK_DOWN = "LOOK_DOWN"
     """No robot executes this and the one before it: the model's card states what replaces them. Never recorded as
@@ -45,7 +46,9 @@ class Action(StrEnum):
         return self in (Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
-_WITH_PARAMETERS = frozenset({Action.MOVE, Action.WAYPOINT, Action.TRAJECTORY, Action.VELOCITY, Action.PIXEL})
+_WITH_PARAMETERS = frozenset(
+    {Action.MOVE, Action.WAYPOINT, Action.TRAJECTORY, Action.VELOCITY, Action.PIXEL, Action.SIDESTEP}
+)
 TILTS = frozenset({Action.LOOK_UP, Action.LOOK_DOWN})
 """Actions of a camera that tilts."""
 DISCRETE_ACTIONS = tuple(action for action in Action if action not in _WITH_PARAMETERS)

@@ -25,7 +25,7 @@ class Camera(BaseModel):
     mount_forward_m: float = Field(
         default=0.0, gt=-1.5, lt=1.5, description="optical centre ahead of the base's axis, metres"
     )
-    tilt_deg: float = Field(default=0.0, gt=-60, lt=60, description="degrees; positive looks up")
+    tilt_deg: float = Field(default=0.0, ge=-90, lt=60, description="degrees; positive looks up, -90 straight down")
     roll_deg: float = Field(
         default=0.0, gt=-30, lt=30, description="degrees; positive is clockwise, seen from behind the camera"
     )

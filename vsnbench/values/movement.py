@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from vsnbench.errors import DecisionError
 from vsnbench.values.action import Action
 from vsnbench.values.pose import Pose
 
 MAX_DISTANCE_M: Final = 5.0
-"""Maximum distance of a move or a waypoint, and between points of a trajectory."""
+"""Maximum distance of a move, a sidestep or a waypoint, and between points of a trajectory."""
 MAX_PATH_M: Final = 10.0
 """Maximum length of a trajectory."""
 MAX_POINTS: Final = 100
@@ -41,6 +41,7 @@ class ActionKind(StrEnum):
     TRAJECTORY = "trajectory"
     VELOCITY = "velocity"
     PIXEL = "pixel"
+    SIDESTEP = "sidestep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +92,14 @@ class Velocity:
 
 
 @dataclass(frozen=True, slots=True)
+class Sidestep:
+    """Move to the side without turning, on a base that can: see `Base.max_lateral_m_s`."""
+
+    left_m: float
+    """To the left; negative is to the right."""
+
+
+@dataclass(frozen=True, slots=True)
 class Pixel:
     """Drive to the point of the floor plan that a pixel of the camera image shows."""
 
@@ -100,7 +109,7 @@ class Pixel:
     """Row from the top, pixels."""
 
 
-Drive = Move | Waypoint | Trajectory | Velocity
+Drive = Move | Waypoint | Trajectory | Velocity | Sidestep
 """A movement that a robot executes."""
 Movement = Drive | Pixel
 
@@ -118,13 +127,12 @@ KIND_OF: Final[Mapping[type, ActionKind]] = {
     Trajectory: ActionKind.TRAJECTORY,
     Velocity: ActionKind.VELOCITY,
     Pixel: ActionKind.PIXEL,
+    Sidestep: ActionKind.SIDESTEP,
     Chunk: ActionKind.CHUNK,
 }
-_CLASS_OF: Final[Mapping[str, type[Movement]]] = {
-    KIND_OF[kind].value: kind for kind in (Move, Waypoint, Trajectory, Velocity, Pixel)
-}
+_CLASS_OF: Final[Mapping[str, type[Movement]]] = {KIND_OF[made].value: made for made in get_args(Movement)}
 DRIVE_KINDS: Final = frozenset({ActionKind.MOVE, ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY})
-"""Kinds that a robot executes as one movement."""
+"""Kinds that every base executes as one movement; some bases also execute SIDESTEP, see `RobotProfile.drive_kinds`."""
 
 
 def action_of(movement: Movement) -> Action:
@@ -146,6 +154,8 @@ def end_of(movement: Drive) -> Pose | None:
             return Pose(x_m, y_m, heading_rad or 0.0)
         case Trajectory(points):
             return Pose(*points[-1])
+        case Sidestep(left_m):
+            return Pose(0.0, left_m)
         case Velocity():
             return None
 
@@ -153,8 +163,8 @@ def end_of(movement: Drive) -> Pose | None:
 def reach_m(movement: Drive) -> float:
     """Return the largest distance from the robot's position on the way."""
     match movement:
-        case Move(distance_m):
-            return abs(distance_m)
+        case Move(way_m) | Sidestep(way_m):
+            return abs(way_m)
         case Waypoint(x_m, y_m):
             return math.hypot(x_m, y_m)
         case Trajectory(points):
@@ -164,7 +174,7 @@ def reach_m(movement: Drive) -> float:
 
 
 def ahead(movement: Drive) -> float:
-    """Return a positive number if the robot drives forwards, where its camera looks; negative backwards, 0 for a turn.
+    """Return a positive number if the robot drives forwards, where its camera looks; negative backwards, else 0.
 
     A point behind the robot is reached forwards, after a turn.
     """
@@ -173,6 +183,8 @@ def ahead(movement: Drive) -> float:
             return distance_m
         case Velocity(linear_m_s):
             return linear_m_s
+        case Sidestep():
+            return 0.0
     return 1.0
 
 
@@ -183,14 +195,15 @@ def movement_text(movement: Movement) -> str:
             return _preset_text(distance_m, turn_rad)
         case Move(distance_m, turn_rad):
             return f"turn {math.degrees(turn_rad):.0f}°, drive {distance_m:.2f} m"
-        case Waypoint(x_m, y_m, None):
-            return f"to ({x_m:.2f}, {y_m:.2f}) m"
-        case Waypoint(x_m, y_m, float() | int() as heading_rad):
-            return f"to ({x_m:.2f}, {y_m:.2f}) m, {math.degrees(heading_rad):.0f}°"
+        case Waypoint(x_m, y_m, heading_rad):
+            facing = "" if heading_rad is None else f", {math.degrees(heading_rad):.0f}°"
+            return f"to ({x_m:.2f}, {y_m:.2f}) m{facing}"
         case Trajectory(points):
             return f"along {len(points)} points, {movement.length_m:.2f} m"
         case Velocity(linear_m_s, angular_rad_s, duration_s):
             return f"{linear_m_s:.2f} m/s, {math.degrees(angular_rad_s):.0f}°/s for {duration_s:.1f} s"
+        case Sidestep(left_m):
+            return f"{abs(left_m):.2f} m to the {'left' if left_m >= 0 else 'right'}"
         case Pixel(u, v):
             return f"to pixel ({u:.0f}, {v:.0f})"
         case _:
@@ -214,12 +227,9 @@ _OMITTED: Final[Mapping[str, object]] = {"heading_rad": None, "holds_heading": F
 
 def movement_to_json(movement: Movement) -> dict[str, Any]:
     """Return a movement as JSON values with its `kind`, for the record and the wire."""
-    content = asdict(movement)
+    content = {name: value for name, value in asdict(movement).items() if _OMITTED.get(name, ...) is not value}
     if isinstance(movement, Trajectory):
         content["points"] = [list(point) for point in movement.points]
-    for name, default in _OMITTED.items():
-        if content.get(name, ...) is default:
-            del content[name]
     return {"kind": KIND_OF[type(movement)].value, **content}
 
 
@@ -282,29 +292,26 @@ def checked_movement(given: object) -> Movement:
             return Move(distance_m, _bounded(given.turn_rad, "move.turn_rad", math.tau))
         case Waypoint():
             x_m, y_m = _point((given.x_m, given.y_m), "waypoint")
-            if math.hypot(x_m, y_m) > MAX_DISTANCE_M:
-                raise DecisionError(
-                    f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {math.hypot(x_m, y_m):.4g} m"
-                )
-            heading_rad = given.heading_rad
-            return Waypoint(
-                x_m, y_m, None if heading_rad is None else _bounded(heading_rad, "waypoint.heading_rad", math.tau)
-            )
+            if (away_m := math.hypot(x_m, y_m)) > MAX_DISTANCE_M:
+                raise DecisionError(f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m")
+            if given.heading_rad is None:
+                return Waypoint(x_m, y_m)
+            return Waypoint(x_m, y_m, _bounded(given.heading_rad, "waypoint.heading_rad", math.tau))
         case Trajectory():
             return _trajectory(given)
         case Velocity():
             duration_s = _finite_in(given.duration_s, "velocity.duration_s")
             if not _MIN_DURATION_S <= duration_s <= MAX_DURATION_S:
-                raise DecisionError(
-                    f"velocity.duration_s must be {_MIN_DURATION_S:g} to {MAX_DURATION_S:g} s, got {duration_s:.6g}"
-                )
+                limits = f"{_MIN_DURATION_S:g} to {MAX_DURATION_S:g} s"
+                raise DecisionError(f"velocity.duration_s must be {limits}, got {duration_s:.6g}")
             linear_m_s = _bounded(given.linear_m_s, "velocity.linear_m_s", _MAX_SPEED)
             return Velocity(linear_m_s, _bounded(given.angular_rad_s, "velocity.angular_rad_s", _MAX_SPEED), duration_s)
+        case Sidestep():
+            return Sidestep(_bounded(given.left_m, "sidestep.left_m", MAX_DISTANCE_M))
         case Pixel():
             return Pixel(_bounded(given.u, "pixel.u", _MAX_PIXEL), _bounded(given.v, "pixel.v", _MAX_PIXEL))
-    raise DecisionError(
-        f"expected a movement, got {type(given).__name__}", advice="use Waypoint(1.0, 0.0), for example"
-    )
+    example = "use Waypoint(1.0, 0.0), for example"
+    raise DecisionError(f"expected a movement, got {type(given).__name__}", advice=example)
 
 
 def _trajectory(given: Trajectory) -> Trajectory:

@@ -10,25 +10,87 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, SerializeAsAny, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    SerializeAsAny,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from vsnbench.values.camera import Camera
+from vsnbench.values.movement import DRIVE_KINDS, ActionKind
 
 
 class Base(BaseModel):
-    """A differential-drive base."""
+    """What a base can do: on two driven wheels, or in another way, such as on legs, without the fields of wheels.
+
+    A base without wheels is simulated on two wheels within its shell, see `vsnbench.simulator.dynamics.physics`.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     radius_m: float = Field(gt=0.05, lt=1, description="radius of the round shell, metres")
     height_m: float = Field(gt=0.05, lt=3, description="height of the whole robot, metres")
     mass_kg: float = Field(gt=0.5, lt=200)
-    track_m: float = Field(gt=0.05, lt=2, description="distance between the wheels, metres")
-    wheel_radius_m: float = Field(gt=0.01, lt=0.5)
+    track_m: float | None = Field(
+        default=None, gt=0.05, lt=2, description="distance between two driven wheels, metres; none without them"
+    )
+    wheel_radius_m: float | None = Field(default=None, gt=0.01, lt=0.5)
     max_linear_m_s: float = Field(gt=0, lt=3)
     max_angular_rad_s: float = Field(gt=0, lt=10)
+    max_lateral_m_s: float = Field(default=0.0, ge=0, lt=3, description="speed limit sideways; 0 if it cannot")
+    min_linear_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower commands ahead are never sent, but 0")
+    min_angular_rad_s: float = Field(default=0.0, ge=0, lt=10, description="slower turns are never commanded, but 0")
+    min_lateral_m_s: float = Field(
+        default=0.0, ge=0, lt=3, description="slower commands sideways are never sent, but 0"
+    )
+    max_acceleration_m_s2: float | None = Field(default=None, gt=0.01, le=20, description="none for no limit")
+    max_acceleration_rad_s2: float | None = Field(default=None, gt=0.01, le=100, description="none for no limit")
+    dead_time_s: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="time until a command begins to act, where it is known; else it is measured",
+    )
     odometry_rate_hz: float = Field(gt=0, le=1000)
     has_bumper: bool = True
+
+    @model_serializer(mode="wrap")
+    def _without_later_defaults(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit defaults of fields that older profiles did not have, so that hashes of profiles do not change."""
+        content: dict[str, Any] = handler(self)
+        fields = type(self).model_fields
+        return {name: value for name, value in content.items() if name not in _LATER or value != fields[name].default}
+
+    @model_validator(mode="after")
+    def _with_whole_wheels(self) -> Self:
+        if (self.track_m is None) != (self.wheel_radius_m is None):
+            missing = "track_m" if self.track_m is None else "wheel_radius_m"
+            raise ValueError(
+                f"{missing} is missing: give track_m and wheel_radius_m of two driven wheels, or neither for a base "
+                "without them"
+            )
+        if self.track_m is not None and self.max_lateral_m_s:
+            raise ValueError(
+                f"max_lateral_m_s: a base on two driven wheels (track_m {self.track_m:g}) cannot move sideways: leave "
+                "out the lateral limits; or the wheels, if it is on legs or omnidirectional wheels"
+            )
+        for axis in ("linear_m_s", "angular_rad_s", "lateral_m_s"):
+            least, limit = getattr(self, f"min_{axis}"), getattr(self, f"max_{axis}")
+            if least and least >= limit:
+                raise ValueError(f"min_{axis}: {least:g} is not below max_{axis}, which is {limit:g}")
+        return self
+
+
+_LATER = frozenset(
+    {"max_lateral_m_s", "min_linear_m_s", "min_angular_rad_s", "min_lateral_m_s", "dead_time_s"}
+    | {"max_acceleration_m_s2", "max_acceleration_rad_s2"}
+)
+"""Fields of a base that older profiles did not have."""
 
 
 class Speeds(BaseModel):
@@ -64,15 +126,18 @@ class BaseDynamics(BaseModel):
     )
     deadband_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower forward commands do not move the base")
     deadband_rad_s: float = Field(default=0.0, ge=0, lt=10, description="slower turns do not turn the base")
+    deadband_lateral_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower commands sideways do not move it")
     turn_slip: float = Field(
         default=0.0, ge=0, lt=0.9, description="share of a turn that skidding wheels lose unmeasured"
     )
     turn_gain: float = Field(default=1.0, gt=0.2, le=2.5, description="turn per commanded turn, measured")
     crab: float = Field(default=0.0, ge=-0.3, le=0.3, description="metres to the left per metre forward, measured")
+    creep: float = Field(default=0.0, ge=-0.3, le=0.3, description="metres forward per metre to the left, measured")
+    lateral_gain: float = Field(default=1.0, gt=0.2, le=2.5, description="way sideways per commanded way, measured")
     sway_m: float = Field(default=0.0, ge=0, le=0.1, description="amplitude of a gait's sideways motion, measured")
     sway_hz: float = Field(default=2.0, gt=0, le=10, description="frequency of the gait, Hz")
     max_lateral_m_s: float = Field(
-        default=0.0, ge=0, lt=3, description="speed limit sideways; 0 for wheels that cannot"
+        default=0.0, ge=0, lt=3, description="speed limit sideways, if the base of the profile states none"
     )
     encoder_step_m: float = Field(
         default=0.0, ge=0, le=0.05, description="way of a wheel per encoder count; 0 is exact"
@@ -93,8 +158,10 @@ class BaseDynamics(BaseModel):
 
     def fault(self, base: Base) -> str:
         """Return why a base cannot behave like this, or an empty string."""
-        for name, limit in (("deadband_m_s", base.max_linear_m_s), ("deadband_rad_s", base.max_angular_rad_s)):
-            if (deadband := getattr(self, name)) >= limit:
+        limits = {"deadband_m_s": base.max_linear_m_s, "deadband_rad_s": base.max_angular_rad_s}
+        limits["deadband_lateral_m_s"] = base.max_lateral_m_s or self.max_lateral_m_s
+        for name, limit in limits.items():
+            if (deadband := getattr(self, name)) >= limit and deadband:
                 unit = "m/s" if name.endswith("m_s") else "rad/s"
                 return f"{name}: {deadband:g} is not below the base's limit of {limit:g} {unit}"
         return ""
@@ -170,7 +237,15 @@ class RobotProfile(BaseModel):
     def _with_possible_dynamics(self) -> Self:
         if self.dynamics is not None and (fault := self.dynamics.fault(self.base)):
             raise ValueError(f"dynamics: {fault}")
+        for axis in ("linear_m_s", "angular_rad_s"):
+            if (speed := getattr(self.speeds, axis)) < (least := getattr(self.base, f"min_{axis}")):
+                raise ValueError(f"speeds.{axis}: {speed:g} is below base.min_{axis}, which is {least:g}")
         return self
+
+    @property
+    def drive_kinds(self) -> frozenset[ActionKind]:
+        """Kinds of movements that the base executes."""
+        return DRIVE_KINDS | ({ActionKind.SIDESTEP} if self.base.max_lateral_m_s else frozenset())
 
     @property
     def tolerance_conditions(self) -> dict[str, Any]:

@@ -34,6 +34,7 @@ ACTION_RGBA = {
     Action.TRAJECTORY: 0x7A9E2FFF,
     Action.VELOCITY: 0xB86FC1FF,
     Action.PIXEL: 0xC77D3BFF,
+    Action.SIDESTEP: 0x5FA8D3FF,
 }
 OUTCOME_RGBA = {
     "moved": 0x9CCC9CFF,

@@ -60,6 +60,7 @@ def test_parts_that_do_not_fit_together_are_doubted() -> None:
     ("right", "odd", "says"),
     [
         ("mount_forward_m: -0.087", "mount_forward_m: 0.6", "camera.mount_forward_m 0.6 is more than"),
+        ("tilt_deg: 0.0", "tilt_deg: -90.0", "camera.tilt_deg -90: the camera does not see the way ahead"),
         ("depth_min_m: 0.4", "depth_min_m: 9", "camera.depth_min_m 9 is not below"),
     ],
 )

@@ -60,6 +60,28 @@ def test_depth_without_evidence_of_free_space_fails(depth: np.ndarray, encoding:
     assert all(result.advice for result in results.values() if result.health != "ok")
 
 
+@pytest.mark.parametrize(
+    ("calibrated", "health"),
+    [((424, 240), "ok"), ((640, 480), "failed"), (None, "failed")],
+    ids=["for this size", "for another size", "not calibrated"],
+)
+def test_depth_of_another_size_needs_its_calibration(calibrated: tuple[int, int] | None, health: str) -> None:
+    depth = message(np.full((240, 424), 2000, np.uint16), "16UC1")
+    heard = {topic: TopicMessages() for topic in ("/camera/color/image_raw", "/camera/color/camera_info")}
+    heard |= {"/camera/depth/image_raw": TopicMessages([0.0], [0.0], [b"depth"], {"/driver"})}
+    heard |= {"/camera/depth/camera_info": TopicMessages([0.0], [0.0], [b"info"] if calibrated else [], {"/driver"})}
+    width, height = calibrated or (0, 0)
+    k = [210.0, 0.0, (width - 1) / 2, 0.0, 210.0, (height - 1) / 2, 0.0, 0.0, 1.0]
+    info = SimpleNamespace(width=width, height=height, distortion_model="plumb_bob", K=k, D=[], P=[])
+    results = image_results(TURTLEBOT2, heard, lambda _kind, data: info if data == b"info" else depth)
+    found = {result.what: result for result in results}
+    assert found["depth image"].health == health
+    assert ("depth invalid" in found) is (health == "ok")
+    if health == "ok":
+        assert "640x480" in found["depth image"].seen
+        assert found["depth invalid"].health == "ok"
+
+
 def test_depth_of_a_rotated_camera_is_checked_upright() -> None:
     """The lower half, where the floor is, is the left one of the image as it is sent."""
     sent = np.full((360, 640), 2000, np.uint16)

@@ -130,3 +130,15 @@ def test_a_base_that_does_not_turn_fails() -> None:
     found = findings(deadband_rad_s=0.5)
     assert found["response"][0] == "warning"
     assert found["slowest turn"][0] == "failed"
+
+
+def test_a_dead_time_and_a_slowest_turn_that_are_not_the_profiles_are_warned_of() -> None:
+    base = PROFILE.base.model_copy(update={"dead_time_s": 0.25, "min_angular_rad_s": 0.03})
+    given = {"dead_time_s": 0.1, "deadband_rad_s": 0.1}
+    results = response_results(PROFILE.model_copy(update={"base": base}), turned(ONE, **given), turned(STAIRS, **given))
+    found = {result.what: (str(result.health), result.advice) for result in results}
+    assert found["response"][0] == found["slowest turn"][0] == "warning"
+    stated_s = re.search(r"dead_time_s: (\S+)}", found["response"][1])
+    assert stated_s is not None
+    assert float(stated_s.group(1)) == pytest.approx(0.1, abs=0.03)
+    assert "min_angular_rad_s: 0.12" in found["slowest turn"][1]

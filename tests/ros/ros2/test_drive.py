@@ -53,7 +53,7 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
     cos, sin = math.cos(before[2]), math.sin(before[2])
     along_m, left_m = at_m[0] * cos + at_m[1] * sin, at_m[1] * cos - at_m[0] * sin
     assert math.hypot(along_m - x_m, left_m - y_m) < 0.02
-    assert rig.client("kinds") == ["discrete", "move", "trajectory", "velocity", "waypoint"]
+    assert rig.client("kinds") == ["discrete", "move", "sidestep", "trajectory", "velocity", "waypoint"]
 
 
 @pytest.mark.parametrize(("movement", "fault"), FAULTS_IN_FLIGHT)

@@ -132,6 +132,17 @@ def test_a_kind_that_the_robot_cannot_do_is_refused_before_a_trial(kind: ActionK
     assert robot.executed == []
 
 
+def test_a_model_that_moves_sideways_is_refused_on_a_base_on_two_wheels() -> None:
+    policy = LoadedPolicy(Scripted(kinds=frozenset({ActionKind.DISCRETE, ActionKind.SIDESTEP})))
+    with (
+        SimulatedRobot(PLAN.site, load_profile("turtlebot2")) as robot,
+        pytest.raises(UsageError) as refused,
+    ):
+        prepare_setup(TrialSetupSpec(PLAN.site, "scripted", ("chair",)), policy, robot)
+    assert refused.value.code == "unsupported-action-kind"
+    assert "max_lateral_m_s" in refused.value.advice
+
+
 LOOKS = Chunk((Action.TURN_LEFT, Action.LOOK_DOWN, Action.LOOK_UP))
 MAP = {Action.LOOK_UP: Action.NOOP, Action.LOOK_DOWN: Action.TURN_RIGHT}
 

@@ -45,6 +45,18 @@ def test_a_wall_farther_than_the_distance_does_not_block() -> None:
     assert not look_ahead(seeing(wall_at(0.59)), BASE, GUARD).blocked
 
 
+def test_a_camera_that_looks_straight_down_sees_obstacles_ahead_and_not_its_own_base_behind_it() -> None:
+    camera = CAMERA.model_copy(update={"tilt_deg": -90.0, "mount_forward_m": 0.2, "horizontal_fov_deg": 90.0})
+    behind = np.full((120, 160), 0.6)  # the floor, 0.6 m below the lens
+    behind[60:] = 0.3
+    reading = look_ahead(seeing(behind, camera), BASE, GUARD)
+    assert reading.pixels == 0
+    assert not reading.blocked
+    ahead = np.full((120, 160), 0.6)
+    ahead[:60] = 0.3
+    assert look_ahead(seeing(ahead, camera), BASE, GUARD).refusal is Refusal.OBSTACLE
+
+
 def test_without_valid_depth_the_move_is_refused_as_blind() -> None:
     reading = look_ahead(seeing(wall_at(math.nan)), BASE, GUARD)
     assert (reading.refusal, reading.pixels, reading.valid_share) == (Refusal.BLIND, 0, 0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.runner.episode.test_episode import MemoryRecorder
+from tests.runner.episode.test_side_guard import PROFILE as SIDE_GUARDED
 from tests.runner.stand_ins import NOBODY, PLAN, PROFILE, ScriptedPolicy, StandInRobot
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.judge import EndReason
@@ -21,9 +22,10 @@ from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
-from vsnbench.values.movement import ActionKind, Chunk, Movement, Pixel, Velocity, Waypoint
+from vsnbench.values.movement import ActionKind, Chunk, Movement, Pixel, Sidestep, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
 
 
 class Scripted(Policy):
@@ -44,11 +46,32 @@ class Scripted(Policy):
         return Decision(self._answers.pop(0) if self._answers else Action.STOP)
 
 
-def run(policy: Policy, max_actions: int = 20) -> tuple[EpisodeEnd, MemoryRecorder]:
+def run(
+    policy: Policy, max_actions: int = 20, profile: RobotProfile | None = None, start: int = 1
+) -> tuple[EpisodeEnd, MemoryRecorder]:
     recorder = MemoryRecorder()
-    plan = replace(PLAN, parameters=ProtocolParameters(max_actions=max_actions))
-    with StopRequests() as stop, SimulatedRobot(plan.site, load_profile("turtlebot2")) as robot:
+    plan = replace(PLAN, parameters=ProtocolParameters(max_actions=max_actions), start=PLAN.site.starts[start - 1])
+    with StopRequests() as stop, SimulatedRobot(plan.site, profile or load_profile("turtlebot2")) as robot:
         return run_episode(robot, policy, plan, recorder, NOBODY, stop), recorder
+
+
+def test_a_sidestep_is_driven_where_the_camera_has_looked_and_refused_elsewhere() -> None:
+    seen = [Action.MOVE_FORWARD] * 4
+    _, recorder = run(Scripted(Sidestep(0.2), *seen, Sidestep(0.2)), profile=SIDE_GUARDED, start=3)
+    unseen, *_, seen_by_now, _ = recorder.steps
+    assert (unseen.blocked, unseen.result) == (True, None)
+    assert "to the left" in unseen.refusal
+    assert not seen_by_now.blocked, seen_by_now.refusal
+    assert seen_by_now.result is not None
+    assert seen_by_now.result.displacement_m == pytest.approx(0.2, abs=0.005)
+    before, after = seen_by_now.site_before.pose, seen_by_now.site_after.pose
+    assert after.relative_to(before).y_m == pytest.approx(0.2, abs=0.005)
+    assert seen_by_now.decision.action is Action.SIDESTEP
+
+
+def test_a_sidestep_on_a_base_that_cannot_is_an_error_of_the_model() -> None:
+    outcome, recorder = run(Scripted(Sidestep(0.2)))
+    assert (outcome.verdict.end_reason, recorder.steps) == (EndReason.MODEL_ERROR, [])
 
 
 def test_each_part_of_a_chunk_is_a_step_of_its_own() -> None:

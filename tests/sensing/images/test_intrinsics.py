@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics, Rectifier, rectifier_of
+from vsnbench.sensing.images.intrinsics import (
+    CalibrationError,
+    Intrinsics,
+    Rectifier,
+    is_of_own_size,
+    rectifier_of,
+)
 from vsnbench.values.camera import Camera
 
 CAMERA = Camera(width=160, height=120, horizontal_fov_deg=60, mount_height_m=0.6)
@@ -234,3 +240,30 @@ def test_rays_beyond_a_lens_whose_polynomial_folds_are_outside_the_image() -> No
     inside, outside = lens.project(np.tan(np.array([0.9, 1.2])), np.zeros(2))
     assert 0 <= inside[0] < lens.width
     assert outside[0] > 10 * lens.width
+
+
+def plane_depth(intrinsics: Intrinsics) -> np.ndarray:
+    """Depth image of a wall that is turned and tilted, 2 m ahead on the axis."""
+    rows, columns = np.indices((intrinsics.height, intrinsics.width)).astype(np.float64)
+    right = (columns - intrinsics.center_x_px) / intrinsics.focal_x_px
+    down = (rows - intrinsics.center_y_px) / intrinsics.focal_y_px
+    return (2.0 / (1.0 + 0.3 * right - 0.2 * down)).astype(np.float32)
+
+
+@pytest.mark.parametrize("focal_px", [110.0, 330.0], ids=["wider than the colour", "narrower"])
+def test_depth_of_another_size_is_registered_by_both_calibrations(focal_px: float) -> None:
+    own = Intrinsics(212, 120, focal_px, focal_px, 100.0, 63.0)
+    assert is_of_own_size(own, CAMERA, (212, 120))
+    registered = rectifier_of(own, CAMERA, "depth", of_own_size=True).depth(plane_depth(own))
+    expected = plane_depth(ideal())
+    assert registered.shape == expected.shape
+    seen = np.isfinite(registered)
+    assert np.abs(registered - expected)[seen].max() < 0.01
+    assert seen[60, 80], "both see what is ahead"
+    assert seen.all() == (focal_px < CAMERA.focal_px), "outside the view of the depth camera, depth is invalid"
+
+
+def test_an_image_without_a_calibration_of_its_size_is_not_registered() -> None:
+    assert not is_of_own_size(None, CAMERA, (212, 120))
+    assert not is_of_own_size(ideal(), CAMERA, (160, 120)), "it has the size of the profile"
+    assert not is_of_own_size(ideal(), CAMERA, (80, 60)), "its calibration is for another size"

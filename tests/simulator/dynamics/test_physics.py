@@ -41,6 +41,17 @@ def test_a_velocity_held_for_a_while_moves_the_base_that_far(profile: str) -> No
     assert math.hypot(*physics.pose.position) < 1e-3
 
 
+def test_a_base_without_wheels_moves_as_commanded() -> None:
+    base = turtlebot2().base.model_copy(update={"track_m": None, "wheel_radius_m": None})
+    physics = Physics(scene_of(), base)
+    physics.place(Pose(0.0, 0.0, 0.0))
+    drive(physics, Command(linear_m_s=0.3), 2 * SECOND)
+    assert physics.pose.x_m == pytest.approx(0.6, abs=0.01)
+    physics.place(Pose(0.0, 0.0, 0.0))
+    drive(physics, Command(angular_rad_s=0.5), 2 * SECOND)
+    assert physics.pose.heading_rad == pytest.approx(1.0, abs=0.02)
+
+
 def test_an_arc_bends_to_the_left_of_a_positive_turn() -> None:
     physics = base_in(scene_of())
     physics.place(Pose(0.0, 0.0, 0.0))

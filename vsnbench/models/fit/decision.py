@@ -11,7 +11,7 @@ from vsnbench.models.task import RobotFacts
 from vsnbench.values.action import TILTS, Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.decision_check import checked_decision
-from vsnbench.values.movement import Movement, Velocity
+from vsnbench.values.movement import Movement, Sidestep, Velocity
 
 
 def fitting_decision(answer: object, card: ModelCard, robot: RobotFacts | None = None) -> Decision:
@@ -26,7 +26,7 @@ def fitting_decision(answer: object, card: ModelCard, robot: RobotFacts | None =
 
     Raises:
         DecisionError: it is not a decision, its kind is not on the card, the card does not map its tilt, or the base
-            does not reach its velocity.
+            does not reach its velocity or cannot move sideways.
     """
     decision = checked_decision(answer)
     if unstated := decision.kinds - card.action_kinds:
@@ -37,6 +37,8 @@ def fitting_decision(answer: object, card: ModelCard, robot: RobotFacts | None =
     for movement in (decision.movement, *decision.parts):
         if isinstance(movement, Velocity) and robot is not None:
             _check_velocity(movement, robot)
+        if isinstance(movement, Sidestep) and robot is not None and not robot.max_lateral_m_s:
+            raise DecisionError("answered with a sidestep, and this base cannot move sideways")
     for part in decision.parts:
         without_tilt(part, card)
     return decision if decision.parts else without_tilt(decision, card)

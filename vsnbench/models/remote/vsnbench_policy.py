@@ -68,7 +68,7 @@ ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "
 TILTS = ("LOOK_UP", "LOOK_DOWN")
 """No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
-ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel")
+ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction")
 _GOAL_TEXTS = ("id", "kind", "text", "category")
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
@@ -152,7 +152,8 @@ class Task:
     """What `begin(task)` receives: `goal` (Goal), `seed`, `protocol` and `robot`.
 
     protocol: `name`, `forward_m`, `turn_deg`, `success_distance_m`, `max_actions`, `max_time_s`, `max_path_m` (None for
-    no limit). robot: `name`, `radius_m`, `height_m`, `max_linear_m_s`, `max_angular_rad_s`, `camera` (Camera).
+    no limit). robot: `name`, `radius_m`, `height_m`, `max_linear_m_s`, `max_angular_rad_s`, `max_lateral_m_s`,
+    `camera` (Camera).
     """
 
     def __init__(self, goal: Goal, seed: int, protocol: Facts, robot: Facts) -> None:

@@ -49,10 +49,11 @@ def turn_response_results(base: SteeredBase, profile: RobotProfile) -> Iterator[
     Raises:
         RobotError: a hazard sensor is active, or the odometry is silent.
     """
-    fastest = min(profile.speeds.angular_rad_s, profile.base.max_angular_rad_s)
+    slowest, fastest = profile.base.min_angular_rad_s, min(profile.speeds.angular_rad_s, profile.base.max_angular_rad_s)
     stair_s = max(_STAIR_S, _STAIR_READINGS / profile.base.odometry_rate_hz)
-    turn = record_turn(base, [(min(_TURN_RAD_S, fastest), _TURN_S)])
-    stairs = record_turn(base, [(-velocity, stair_s) for velocity in _STAIRS_RAD_S if velocity <= fastest])
+    turn = record_turn(base, [(max(min(_TURN_RAD_S, fastest), slowest), _TURN_S)])
+    tried = sorted({max(velocity, slowest) for velocity in _STAIRS_RAD_S if velocity <= fastest})
+    stairs = record_turn(base, [(-velocity, stair_s) for velocity in tried])
     yield from response_results(profile, turn, stairs)
 
 

@@ -16,7 +16,14 @@ from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, CalibrationError, Intrinsics, rectifier_of
+from vsnbench.sensing.images.intrinsics import (
+    FOV_SHARE,
+    Calibration,
+    CalibrationError,
+    Intrinsics,
+    is_of_own_size,
+    rectifier_of,
+)
 from vsnbench.sensing.images.regions import Region, invalid_region
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile
@@ -54,6 +61,11 @@ def image_results(
     """
     names, camera = interface_of(profile), profile.camera
     frames: list[DepthImage] = []
+    calibrations: dict[str, Calibration] = {}
+    for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
+        if info and topic and messages[info].messages:
+            calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
+    of_own_size = False
     for what, topic in (("colour image", names.color), ("depth image", names.depth)):
         if not topic or not messages[topic].messages:
             continue
@@ -71,6 +83,11 @@ def image_results(
         height, width = decoded[-1].shape[:2][:: -1 if turns % 2 else 1]
         encoding = getattr(images[-1], "encoding", "") or images[-1].format
         seen = f"{encoding}, {width}x{height}"
+        if what == "depth image":
+            size = decoded[-1].shape[::-1]
+            if of_own_size := is_of_own_size(calibrations.get(topic), camera, size, turns):
+                seen += f"; resampled to the colour image's {camera.width}x{camera.height} by both calibrations"
+                width, height = camera.width, camera.height
         if (width, height) != (camera.width, camera.height):
             advice = "set the mode of the driver, or the camera of the profile"
             yield CheckResult(what, Health.FAILED, f"{seen}; the profile has {camera.width}x{camera.height}", advice)
@@ -78,17 +95,18 @@ def image_results(
         yield CheckResult(what, Health.OK, seen)
         if what == "depth image":
             frames = decoded
-    if frames:
+    if frames and of_own_size:
+        registered = rectifier_of(calibrations[names.depth], camera, "", turns, of_own_size=True)
+        yield from _depth_results(profile, [registered.labels(frame) for frame in frames])
+    elif frames:
         yield from _depth_results(profile, [np.rot90(frame, -turns) for frame in frames])
-    calibrations: dict[str, Calibration] = {}
     for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
-        if info and topic and messages[info].messages:
-            calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
+        if topic in calibrations and not (of_own_size and topic == names.depth):
             yield _calibration_result(profile, info, topic, calibrations[topic], turns)
     if frames:
         median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
         try:
-            rectifier = rectifier_of(calibrations.get(names.depth), camera, "", turns)
+            rectifier = rectifier_of(calibrations.get(names.depth), camera, "", turns, of_own_size=of_own_size)
         except CalibrationError:
             return
         yield from mount_results(rectifier.depth(median_m), camera)
@@ -149,6 +167,8 @@ def _region_results(profile: RobotProfile, messages: Sequence[Any], turns: int) 
     except (ImageError, ValueError):
         return  # `image_results` has reported it
     height, width = depths[0].shape
+    if (width, height) != (camera.width, camera.height):
+        return  # depth of another size, whose pixels show other directions
     cells = evidence_pixels(camera, width, height, profile.base.radius_m, DepthGuard())
     hidden = np.logical_and.reduce([cells.read(depth_m, camera).hidden for depth_m in depths])
     region = _unmeasured(frames)

@@ -1,5 +1,7 @@
 """Plausibility of a robot profile: valid values that do not fit together."""
 
+from vsnbench.protocol.depth_evidence import evidence_pixels
+from vsnbench.protocol.parameters import DepthGuard
 from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -18,7 +20,7 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         found.append(
             f"speeds.angular_rad_s {speeds.angular_rad_s:g} exceeds base.max_angular_rad_s {base.max_angular_rad_s:g}"
         )
-    if base.track_m / 2 > base.radius_m:
+    if base.track_m is not None and base.track_m / 2 > base.radius_m:
         found.append(f"base.track_m {base.track_m:g} puts the wheels outside the radius of {base.radius_m:g} m")
     if base.odometry_rate_hz < 10:
         found.append(f"base.odometry_rate_hz {base.odometry_rate_hz:g} is slow: every action takes longer")
@@ -30,6 +32,13 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         found.append(
             f"camera.mount_forward_m {camera.mount_forward_m:g} is more than {_ARM_M:g} m outside the base's radius "
             f"of {base.radius_m:g} m"
+        )
+    has_depth = profile.interface is None or interface_of(profile).depth
+    seen = evidence_pixels(camera.without_roll, camera.width, camera.height, base.radius_m, DepthGuard()).pixels
+    if has_depth and not seen.any():
+        found.append(
+            f"camera.tilt_deg {camera.tilt_deg:g}: the camera does not see the way ahead of the robot, and the depth "
+            "guard refuses every forward move"
         )
     if camera.depth_min_m >= camera.depth_max_m:
         found.append(f"camera.depth_min_m {camera.depth_min_m:g} is not below depth_max_m {camera.depth_max_m:g}")

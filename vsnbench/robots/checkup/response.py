@@ -22,6 +22,8 @@ _LONGEST_DELAY_S = 0.5
 _FOLLOWED_SHARE = 0.5
 """A base follows a velocity if it turns with at least this share of it."""
 _LOW_RATE = 0.8
+_DEAD_TIME_S = 0.05
+"""Largest difference between the dead time of the profile and that of the base."""
 _FEWEST = 4
 
 
@@ -91,7 +93,7 @@ def response_results(profile: RobotProfile, turn: CommandedTurn, stairs: Command
         turn: turn with one velocity.
         stairs: turn in stages of rising velocity.
     """
-    settings, wanted_hz = MotionSettings.for_robot(profile), profile.base.odometry_rate_hz
+    wanted_hz = profile.base.odometry_rate_hz
     rate_hz = rate_of_new_values(turn)
     if 0 < rate_hz < _LOW_RATE * wanted_hz:
         seen = f"{rate_hz:.1f} new values per second; the profile has {wanted_hz:g} Hz"
@@ -103,11 +105,15 @@ def response_results(profile: RobotProfile, turn: CommandedTurn, stairs: Command
         yield CheckResult("response", Health.WARNING, "the turn does not fit its commands", advice)
     else:
         yield _delay_result(profile, response)
-    yield _slowest_result(settings, slowest_turn(stairs, 0.0 if response is None else response.delay_s), stairs)
+    yield _slowest_result(profile, slowest_turn(stairs, 0.0 if response is None else response.delay_s), stairs)
 
 
 def _delay_result(profile: RobotProfile, response: BaseResponse) -> CheckResult:
     seen = f"dead time {response.dead_time_s * 1000:.0f} ms, motor lag {response.lag_s * 1000:.0f} ms"
+    stated_s = profile.base.dead_time_s
+    if stated_s is not None and abs(stated_s - response.dead_time_s) > _DEAD_TIME_S:
+        advice = f"put the measured dead time into the profile: base: {{dead_time_s: {response.dead_time_s:.2f}}}"
+        return CheckResult("response", Health.WARNING, f"{seen}; the profile has {stated_s * 1000:.0f} ms", advice)
     if response.delay_s <= _LONGEST_DELAY_S:
         return CheckResult("response", Health.OK, seen)
     seen = f"{seen}: movements of a base with more than {_LONGEST_DELAY_S:g} s end as not followed"
@@ -115,7 +121,8 @@ def _delay_result(profile: RobotProfile, response: BaseResponse) -> CheckResult:
     return CheckResult("response", Health.FAILED, seen, advice)
 
 
-def _slowest_result(settings: MotionSettings, slowest_rad_s: float | None, stairs: CommandedTurn) -> CheckResult:
+def _slowest_result(profile: RobotProfile, slowest_rad_s: float | None, stairs: CommandedTurn) -> CheckResult:
+    settings, stated_rad_s = MotionSettings.for_robot(profile), profile.base.min_angular_rad_s
     if slowest_rad_s is None:
         fastest = max(abs(velocity) for _, velocity in stairs.commands)
         seen = f"the base follows no turn up to {fastest:g} rad/s"
@@ -124,6 +131,10 @@ def _slowest_result(settings: MotionSettings, slowest_rad_s: float | None, stair
     # A correction lasts at least one control period, and can leave half of what the base turns in it.
     left_rad, tolerance_rad = 0.5 * slowest_rad_s * settings.control_period_s, settings.tolerance(turns=True)
     seen = f"the base follows {slowest_rad_s:g} rad/s"
+    if 0 < stated_rad_s < slowest_rad_s:
+        seen = f"{seen}, nothing slower; base.min_angular_rad_s is {stated_rad_s:g}"
+        advice = f"put the slowest turn into the profile: base: {{min_angular_rad_s: {slowest_rad_s:g}}}"
+        return CheckResult("slowest turn", Health.WARNING, seen, advice)
     if left_rad <= tolerance_rad:
         return CheckResult("slowest turn", Health.OK, seen)
     seen = f"{seen}, nothing slower: corrections can leave {math.degrees(left_rad):.2g}°, more than the tolerance"

@@ -25,7 +25,14 @@ from vsnbench.sensing.images.camera_images import (
     share_invalid,
 )
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, Rectifier, rectifier_of
+from vsnbench.sensing.images.intrinsics import (
+    Calibration,
+    CalibrationError,
+    Intrinsics,
+    Rectifier,
+    is_of_own_size,
+    rectifier_of,
+)
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.values.camera import Camera
 from vsnbench.values.observation import InstanceImage, Observation
@@ -55,8 +62,8 @@ class RosCamera:
         self._names = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """Number of depth images per median."""
-        self._rectifiers: dict[str, tuple[Calibration, Rectifier]] = {}
-        """Rectifier by topic, and the calibration that it is for."""
+        self._rectifiers: dict[str, tuple[Calibration, bool, Rectifier]] = {}
+        """Rectifier by topic, and the calibration that it is for; whether the images have a size of their own."""
         self.labelled = link.has_labels
         """Whether a simulator labels the images; read once, because a ROS master may die during an episode."""
         self._await_calibration()
@@ -74,7 +81,7 @@ class RosCamera:
         wanted = [topic for topic, info in of_images.items() if topic and info]
         self._link.wait_for(lambda now: all(topic in now.calibrations for topic in wanted), _CALIBRATION_S)
         for topic in wanted:
-            self._rectifier(topic)
+            self._rectifier(topic, _size_of(self._link.snapshot().calibrations.get(topic)))
 
     def capture(self, end: MotionEnd, read_pose: Callable[[], Pose]) -> Observation:
         """Return an observation with images taken after `end`; the depth is the median of several images.
@@ -99,10 +106,11 @@ class RosCamera:
             ) from error
         for what, image in (("color", rgb), *(("depth", frame) for frame in frames[-1:])):
             height, width = image.shape[:2][:: -1 if self._link.image_turns % 2 else 1]
-            if (width, height) != (camera.width, camera.height):
+            if (width, height) != (camera.width, camera.height) and not (what == "depth" and self._has_own_size(image)):
                 raise SensorLostError(
                     f"the {what} image is {width}x{height}, the profile has {camera.width}x{camera.height}",
-                    advice="set the mode of the camera driver, or the camera of the profile",
+                    advice="set the mode of the camera driver, or the camera of the profile; depth of another size "
+                    "needs a camera_info of that size",
                     code="wrong-image-size",
                 )
         try:
@@ -116,7 +124,7 @@ class RosCamera:
         try:
             rgb = self._rectifier(self._names.color).image(rgb)
             if depth_m is not None:
-                rectifier = self._rectifier(self._names.depth)
+                rectifier = self._rectifier(self._names.depth, frames[-1].shape[::-1])
                 depth_m = rectifier.depth(depth_m)
                 beyond = None if beyond is None else rectifier.labels(beyond)
         except CalibrationError as error:
@@ -158,7 +166,7 @@ class RosCamera:
         camera = self._profile.camera
         frame = decode_depth(self._link.image(image.payload))
         depth_m = median_depth_m([frame], camera.depth_min_m, camera.depth_max_m)
-        return self._rectifier(self._names.depth).depth(depth_m)
+        return self._rectifier(self._names.depth, frame.shape[::-1]).depth(depth_m)
 
     def preview(self) -> npt.NDArray[np.uint8] | None:
         """Return the newest colour image, or None if it is older than two seconds; thread-safe."""
@@ -193,16 +201,31 @@ class RosCamera:
                 return match, InstanceImage(ids=ids, categories=now.categories)
         return match, None
 
-    def _rectifier(self, topic: str) -> Rectifier:
+    def _has_own_size(self, depth: npt.NDArray[Any]) -> bool:
+        """Whether a depth image has another size than the profile's, for which its camera is calibrated."""
+        calibration = self._link.snapshot().calibrations.get(self._names.depth)
+        return is_of_own_size(calibration, self._profile.camera, depth.shape[::-1], self._link.image_turns)
+
+    def _rectifier(self, topic: str, size: tuple[int, ...] = ()) -> Rectifier:
         """Return the rectifier of a topic for the newest calibration.
+
+        Args:
+            topic: topic of the images.
+            size: width and height of the topic's depth images; empty for those of the profile.
 
         Raises:
             CalibrationError: the calibration cannot be used, or contradicts the profile.
         """
-        calibration = self._link.snapshot().calibrations.get(topic)
+        calibration, camera = self._link.snapshot().calibrations.get(topic), self._profile.camera
+        is_depth = topic == self._names.depth and len(size) == 2
+        own = is_depth and is_of_own_size(calibration, camera, (size[0], size[1]), self._link.image_turns)
         known = self._rectifiers.get(topic)
-        if known is not None and known[0] is calibration:
-            return known[1]
-        rectifier = rectifier_of(calibration, self._profile.camera, topic, self._link.image_turns)
-        self._rectifiers[topic] = calibration, rectifier
+        if known is not None and known[0] is calibration and known[1] is own:
+            return known[2]
+        rectifier = rectifier_of(calibration, camera, topic, self._link.image_turns, of_own_size=own)
+        self._rectifiers[topic] = calibration, own, rectifier
         return rectifier
+
+
+def _size_of(calibration: Calibration) -> tuple[int, ...]:
+    return (calibration.width, calibration.height) if isinstance(calibration, Intrinsics) else ()

@@ -35,7 +35,7 @@ from vsnbench.sites.site import StartingPosition
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
+from vsnbench.values.movement import ActionKind, Drive, Sidestep
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -88,7 +88,7 @@ class RosRobot(Robot):
             self._link.close()
             raise
         if self._link.can_drive:
-            self.action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
+            self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if self._link.names.depth else set())
@@ -164,7 +164,8 @@ class RosRobot(Robot):
         With a watch, the depth images that arrive meanwhile are checked, and a blocked way ends the movement.
         """
         self._require_begun()
-        looks = PathLooks(self._camera, watch) if watch is not None and self._link.names.depth else None
+        watched = watch is not None and not isinstance(movement, Sidestep)  # the camera does not look to the side
+        looks = PathLooks(self._camera, watch) if watch and watched and self._link.names.depth else None
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 
     def interrupted_motion(self) -> MotionResult | None:

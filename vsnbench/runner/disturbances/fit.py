@@ -42,7 +42,7 @@ def check_disturbances(disturbances: Disturbances, robot: Robot) -> None:
         raise UsageError(
             f"--disturb {moved}: the camera of {robot.identity.profile.name} is {camera.mount_height_m:g} m above the "
             f"floor with a tilt of {camera.tilt_deg:g} deg",
-            advice="keep it above the floor and below 3 m, and its tilt within 60 deg",
+            advice="keep it above the floor and below 3 m, and its tilt between -90 and 60 deg",
             code="invalid-disturbance",
         ) from None
 

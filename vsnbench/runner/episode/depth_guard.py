@@ -1,6 +1,6 @@
 """The depth guard: refuses forward moves into an obstacle or an unseen path (paper, Section 3.2.2)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,7 +13,7 @@ from vsnbench.values.robot_profile import Base
 
 
 class Refusal(StrEnum):
-    """Why the guard refuses a forward move."""
+    """Why the guard refuses a movement."""
 
     OBSTACLE = "obstacle"
     """Depth pixels lie in the robot's path."""
@@ -21,6 +21,8 @@ class Refusal(StrEnum):
     """Part of the path has no depth: an obstacle nearer than the camera's minimum range is possible."""
     BLIND = "blind"
     """Hardly any pixel that must show the path has depth."""
+    UNSEEN = "unseen"
+    """Part of a way to the side was never seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +32,13 @@ class GuardReading:
     refusal: Refusal | None = None
     """None if the robot may move."""
     pixels: int = 0
-    """Valid depth pixels in the swath nearer than the guard's distance."""
+    """Valid depth pixels in the swath nearer than the guard's distance; to the side, cells of the remembered map."""
     nearest_m: float | None = None
-    """The nearest of them, metres ahead of the robot's front."""
+    """The nearest of them, metres ahead of the robot's front, or from its shell to the side."""
     valid_share: float = 1.0
-    """Share of the pixels that must show the path and have depth."""
+    """Share of the pixels that must show the path and have depth; to the side, share of the way that was seen."""
+    side: str = ""
+    """`left` or `right` for a sidestep; empty for a forward move."""
 
     @property
     def blocked(self) -> bool:
@@ -48,6 +52,10 @@ class GuardReading:
             return f"blind: {self.valid_share:.0%} of the pixels that must show the path ahead have depth"
         if self.refusal is Refusal.TOO_NEAR:
             return "part of the path ahead has no depth: an obstacle nearer than the camera's range, or no echo"
+        if self.refusal is Refusal.UNSEEN:
+            return f"the camera has seen {self.valid_share:.0%} of the way to the {self.side}: turn to look there first"
+        if self.side and self.nearest_m is not None:
+            return f"obstacle {max(self.nearest_m, 0):.2f} m to the {self.side}, as seen before"
         if self.nearest_m is None:
             return "nothing ahead"
         return f"obstacle {max(self.nearest_m, 0):.2f} m ahead of the front ({self.pixels} depth pixels)"
@@ -74,6 +82,8 @@ def look_ahead(observation: Observation, base: Base, guard: DepthGuard) -> Guard
         return GuardReading()
     height, width = depth_m.shape
     rays = camera.rays(width, height)
+    if not (looks_ahead := rays.ahead > 0).all():  # rows of a camera that looks down show what is behind its lens
+        depth_m, rays = depth_m[looks_ahead], replace(rays, ahead=rays.ahead[looks_ahead], up=rays.up[looks_ahead])
     pixels, nearest_m = pixels_in_swath(
         np.ascontiguousarray(depth_m),
         np.float32(base.radius_m + guard.distance_m - rays.forward_m),

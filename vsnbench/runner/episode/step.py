@@ -18,13 +18,14 @@ from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.policy_calls import PolicyCalls
+from vsnbench.runner.episode.side_guard import SideGuard
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import Pixel
+from vsnbench.values.movement import Pixel, Sidestep
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.step import StepTimings
 
@@ -98,6 +99,7 @@ class Stepper:
             # Without a reference to this object, whose cycle would keep the last images in memory.
             free_ahead_m=lambda: free_space(plan.site, base.radius_m).free_ahead_m(start.pose),
         )
+        self._side = SideGuard(base, plan.parameters) if base.max_lateral_m_s else None
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
@@ -110,6 +112,8 @@ class Stepper:
             t0 = time.perf_counter()
             observation = self._robot.observe()
             self.watch.look(observation)
+            if self._side is not None:
+                self._side.look(observation)
             seen = self._view.of(observation)
             t1 = time.perf_counter()
             delay_s = 0.0 if self._parts else self._view.latency_s
@@ -196,6 +200,10 @@ class Stepper:
             if waypoint is None:
                 return None, None, "the pixel has no depth"
             movement = waypoint
+        if isinstance(movement, Sidestep) and self._side is not None:
+            guard = self._side.reading(movement.left_m)
+            if guard.blocked:
+                return guard, None, guard.text
         watch = PathGuard(self._robot.identity.profile, self._plan.parameters)
         self._moves = True
         result = self._robot.drive(movement, watch)

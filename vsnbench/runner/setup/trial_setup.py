@@ -298,6 +298,8 @@ def _check_action_kinds(description: SetupDescription, executed: frozenset[Actio
             f"it executes {', '.join(sorted(executed))}",
             advice="drive the base with `vsnbench robots serve`, or use --robot simulated"
             if executed == frozenset({ActionKind.DISCRETE})
+            else "a base that can move sideways states base.max_lateral_m_s in its profile"
+            if ActionKind.SIDESTEP in missing
             else "use a robot that executes it",
             code="unsupported-action-kind",
         )

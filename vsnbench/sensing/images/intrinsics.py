@@ -2,6 +2,11 @@
 
 Models, depth guard, placement and maps use one ideal camera: square pixels, central principal point, no distortion, no
 roll. Images of the real camera are resampled once, unless they are within half a pixel of the ideal camera.
+
+Depth of another size than the colour image comes from a lens of its own. Each pixel of the ideal camera takes the depth
+of the same ray from the depth camera, by its own calibration; outside its view depth is invalid. The rays of both are
+taken as starting at one point: lenses b metres apart shift an object at z metres by b / z radians, 15 mm at any
+distance for a RealSense D435, which is less than the 2 cm margin of the depth guard.
 """
 
 import math
@@ -167,7 +172,22 @@ Calibration = Intrinsics | CalibrationError | None
 """Received calibration: its error if it cannot be used, None for an uncalibrated camera or without camera_info."""
 
 
-def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: int = 0) -> "Rectifier":
+def is_of_own_size(calibration: Calibration, camera: Camera, size: tuple[int, int], turns: int = 0) -> bool:
+    """Return whether images of another size than the profile's can be mapped to its camera, by their calibration.
+
+    Args:
+        calibration: see Calibration.
+        camera: camera of the profile.
+        size: width and height of the images, before they are set upright.
+        turns: number of clockwise quarter turns that set an image upright.
+    """
+    expected = (camera.height, camera.width) if turns % 2 else (camera.width, camera.height)
+    return isinstance(calibration, Intrinsics) and size == (calibration.width, calibration.height) != expected
+
+
+def rectifier_of(
+    calibration: Calibration, camera: Camera, topic: str, turns: int = 0, *, of_own_size: bool = False
+) -> "Rectifier":
     """Return the rectifier of a topic's images to the camera of the profile.
 
     Args:
@@ -175,6 +195,8 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
         camera: camera of the profile.
         topic: topic of the images, for errors.
         turns: number of clockwise quarter turns that set an image upright.
+        of_own_size: whether the images have the size of their calibration instead of the profile's, see
+            `is_of_own_size`; then they may have any field of view.
 
     Raises:
         CalibrationError: the calibration cannot be used, or its field of view differs from the profile's by more than
@@ -184,6 +206,8 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
         raise calibration
     if calibration is None:
         return Rectifier(camera, None, turns)
+    if of_own_size:
+        return Rectifier(camera, calibration, turns)
     fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), camera.horizontal_fov_deg
     differs = abs(fov_deg - wanted_deg) > CONTRADICTION_SHARE * wanted_deg
     if differs and not (calibration.is_fisheye and fov_deg > wanted_deg):
@@ -206,7 +230,10 @@ class Rectifier:
         upright = _upright_pixels(camera, self._turns)
         self.moved_px = float(np.abs(pixels - upright).max())
         """Largest shift of a pixel."""
-        self._map = pixels.reshape(*self._shape, 2).astype(np.float32) if self.moved_px > _SAME_PX else None
+        size = (camera.height, camera.width) if turns % 2 else (camera.width, camera.height)
+        has_own_size = intrinsics is not None and (intrinsics.width, intrinsics.height) != size
+        resamples = has_own_size or self.moved_px > _SAME_PX
+        self._map = pixels.reshape(*self._shape, 2).astype(np.float32) if resamples else None
 
     @property
     def resamples(self) -> bool:

@@ -36,8 +36,8 @@ class DrivenBase:
         self.physics = Physics(scene, base)
         self._dynamics = dynamics
         self._noise = noise
-        self._is_ideal = not dynamics.conditions
-        self._motors = Motors(dynamics)
+        self._is_ideal = not dynamics.conditions and not base.max_lateral_m_s
+        self._motors = Motors(dynamics, base.max_lateral_m_s or dynamics.max_lateral_m_s)
         self.is_real_time = False
         self._due_s = 0.0
 
@@ -60,12 +60,12 @@ class DrivenBase:
             return self.physics.drive(command)
         moving = self._motors.velocity(command)
         turning_rad_s = moving.angular_rad_s * self._dynamics.turn_gain * (1 - self._dynamics.turn_slip)
-        touch = self.physics.drive(Command(moving.linear_m_s, turning_rad_s))
+        aside_m_s = moving.lateral_m_s * self._dynamics.lateral_gain
+        touch = self.physics.drive(Command(moving.linear_m_s + self._dynamics.creep * aside_m_s, turning_rad_s))
         self._drifted_rad += math.radians(self._dynamics.heading_drift_deg_s) * CONTROL_PERIOD_S
-        left_m = (moving.linear_m_s * self._dynamics.crab + moving.lateral_m_s) * CONTROL_PERIOD_S + self._swayed(
-            moving
-        )
-        if left_m and touch is None:
+        left_m = (moving.linear_m_s * self._dynamics.crab + aside_m_s) * CONTROL_PERIOD_S + self._swayed(moving)
+        leaves = touch is not None and moving.lateral_m_s * math.sin(touch.bearing_rad) < 0  # away from a contact
+        if left_m and (touch is None or leaves):
             self.physics.slide(left_m)
             self._slid_m += left_m
         return touch
@@ -117,8 +117,9 @@ class DrivenBase:
 class Motors:
     """What the motors of a base make of commands: late, sluggish, deaf to slow ones; within the limit sideways."""
 
-    def __init__(self, dynamics: BaseDynamics) -> None:
+    def __init__(self, dynamics: BaseDynamics, max_lateral_m_s: float = 0.0) -> None:
         self._dynamics = dynamics
+        self._max_lateral_m_s = max_lateral_m_s
         delay = dynamics.dead_time_s / CONTROL_PERIOD_S
         self._whole = math.floor(delay + 1e-9)
         self._part = max(delay - self._whole, 0.0)
@@ -135,12 +136,12 @@ class Motors:
     def velocity(self, command: Command) -> Command:
         """Return the mean velocity in the control period that begins with a command."""
         dynamics = self._dynamics
-        limit_m_s = dynamics.max_lateral_m_s
+        limit_m_s = self._max_lateral_m_s
         self._commands.append(
             Command(
                 _above(command.linear_m_s, dynamics.deadband_m_s),
                 _above(command.angular_rad_s, dynamics.deadband_rad_s),
-                max(-limit_m_s, min(command.lateral_m_s, limit_m_s)),
+                _above(max(-limit_m_s, min(command.lateral_m_s, limit_m_s)), dynamics.deadband_lateral_m_s),
             )
         )
         due = _blend(self._commands[1], self._commands[0], self._part)

@@ -1,7 +1,8 @@
-"""Physics of the simulator: a differential-drive base among the scene's solid primitives, in MuJoCo.
+"""Physics of the simulator: a base among the scene's solid primitives, in MuJoCo.
 
-The base is a round shell on two driven wheels and two frictionless casters. Wheels can slip, so wheel rotation and
-true motion differ as on a real robot. Contact of the shell with a solid is detected within one step of 2 ms.
+The base is a round shell on two driven wheels and two frictionless casters. A base without wheels, such as one on legs,
+moves on two wheels within its shell: its gait is in `BaseDynamics`. Wheels can slip, so wheel rotation and true motion
+differ as on a real robot. Contact of the shell with a solid is detected within one step of 2 ms.
 """
 
 import ctypes
@@ -28,6 +29,8 @@ _GROUND_CLEARANCE_M = 0.03
 _WHEEL_RESPONSE_S = 0.01
 """Time constant of the wheels' speed control."""
 _STOPPING_STEPS = 100
+_INNER_TRACK, _INNER_WHEEL_M = 1.2, 0.035
+"""Wheels of a base without wheels: track as a multiple of the shell's radius, and radius of a wheel."""
 _NEAR_M = 0.02
 """Solids nearer than this to the shell are simulated."""
 _BUILT_IN = frozenset({"floor", "ceiling"})
@@ -82,8 +85,7 @@ class Physics:
         self._first_solid = self._furnished.model.geom("solid0").id if self._clearance.solids else 0
         wheels = [self._open.model.joint(f"{side}_wheel") for side in ("left", "right")]
         self._wheel_angle = [int(wheel.qposadr[0]) for wheel in wheels]
-        self._resting_height_m = base.wheel_radius_m
-        self.track_m = base.track_m
+        self.track_m, self._resting_height_m = _wheels_of(base)
         """Distance between the wheels."""
         self.rolling_radius_m = self._calibrated()
 
@@ -143,6 +145,7 @@ class Physics:
     def slide(self, left_m: float) -> None:
         """Displace the base to its left without turning its wheels."""
         heading_rad = self.pose.heading_rad
+        self._free_m -= abs(left_m)
         position = self._world.data.qpos
         position[0] -= left_m * math.sin(heading_rad)
         position[1] += left_m * math.cos(heading_rad)
@@ -217,9 +220,17 @@ class _World:
         self.wheels: Any = self.data.ctrl
 
 
+def _wheels_of(base: Base) -> tuple[float, float]:
+    """Return the distance between the simulated wheels, and their radius, metres."""
+    if base.track_m is None or base.wheel_radius_m is None:
+        return _INNER_TRACK * base.radius_m, _INNER_WHEEL_M
+    return base.track_m, base.wheel_radius_m
+
+
 def _world_xml(solids: list[Primitive], base: Base) -> str:
     """Return the world as MJCF; the base's frame is on the axle, x forward."""
-    radius, half_track = base.wheel_radius_m, base.track_m / 2
+    track, radius = _wheels_of(base)
+    half_track = track / 2
     wheel_mass = 0.05 * base.mass_kg
     body_mass = base.mass_kg - 2 * wheel_mass
     caster_radius = radius / 2

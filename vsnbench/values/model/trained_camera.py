@@ -25,7 +25,7 @@ def _ordered(value: Range) -> Range:
 
 
 _Height = Annotated[float, Field(gt=0, lt=3)]
-_Tilt = Annotated[float, Field(gt=-60, lt=60)]
+_Tilt = Annotated[float, Field(ge=-90, lt=60)]
 _View = Annotated[float, Field(gt=10, lt=170)]
 _Pixels = Annotated[int, Field(gt=0, le=4096)]
 

@@ -97,22 +97,23 @@ while not rospy.is_shutdown():
             heard, current = commands.popleft()
         moving = now - heard < timeout_s and fault != "stuck"
         linear = current.linear.x if moving else 0.0
+        aside = current.linear.y if moving else 0.0
         angular = current.angular.z if moving else 0.0
         elapsed = now - last
         last = now
         share = 0.5 if fault == "slip" else 1.0
         middle = pose.heading_rad + angular * elapsed / 2
         pose = Pose(
-            pose.x_m + linear * share * elapsed * math.cos(middle),
-            pose.y_m + linear * share * elapsed * math.sin(middle),
+            pose.x_m + share * elapsed * (linear * math.cos(middle) - aside * math.sin(middle)),
+            pose.y_m + share * elapsed * (linear * math.sin(middle) + aside * math.cos(middle)),
             pose.heading_rad + angular * share * elapsed,
         )
         stamp = rospy.Time.now()
         where = PoseStamped()
         where.header.stamp = stamp
         where.pose.position.x, where.pose.position.y = pose.position
-        where.pose.position.z = abs(current.linear.x) + abs(current.angular.z)
-        where.pose.orientation.z, where.pose.orientation.w = pose.heading_rad, abs(linear) + abs(angular)
+        where.pose.position.z = abs(current.linear.x) + abs(current.linear.y) + abs(current.angular.z)
+        where.pose.orientation.z, where.pose.orientation.w = pose.heading_rad, abs(linear) + abs(aside) + abs(angular)
         truth.publish(where)
         if now >= reset_due:
             zero, reset_due = pose, math.inf

@@ -81,21 +81,21 @@ while True:
             fault = word
     while not heard.empty():
         current, heard_s = heard.get(), now
-        if (asked := bool(current.linear.x or current.angular.z)) != commanded:
+        if (asked := bool(current.linear.x or current.linear.y or current.angular.z)) != commanded:
             commanded = asked
             sys.stdout.write(f"{'commanded' if asked else 'zeroed'} {now}\n")
             sys.stdout.flush()
     drives = now - heard_s < timeout_s and fault != "stuck"
-    linear, angular = (current.linear.x, current.angular.z) if drives else (0.0, 0.0)
-    if (moving := bool(linear or angular)) != moved:
+    linear, aside, angular = (current.linear.x, current.linear.y, current.angular.z) if drives else (0.0, 0.0, 0.0)
+    if (moving := bool(linear or aside or angular)) != moved:
         moved = moving
         sys.stdout.write(f"{'moves' if moving else 'stands'} {now}\n")
         sys.stdout.flush()
     elapsed, last = now - last, now
     middle = pose.heading_rad + angular * elapsed / 2
     pose = Pose(
-        pose.x_m + linear * elapsed * math.cos(middle),
-        pose.y_m + linear * elapsed * math.sin(middle),
+        pose.x_m + elapsed * (linear * math.cos(middle) - aside * math.sin(middle)),
+        pose.y_m + elapsed * (linear * math.sin(middle) + aside * math.cos(middle)),
         pose.heading_rad + angular * elapsed,
     )
     stamp_s = time.time()
