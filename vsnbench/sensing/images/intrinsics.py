@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import RobotError
 from vsnbench.values.camera import Camera
+from vsnbench.values.pose import LEVEL, Attitude
 
 Pixels = TypeVar("Pixels", bound=npt.NDArray[Any])
 
@@ -167,7 +168,9 @@ Calibration = Intrinsics | CalibrationError | None
 """Received calibration: its error if it cannot be used, None for an uncalibrated camera or without camera_info."""
 
 
-def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: int = 0) -> "Rectifier":
+def rectifier_of(
+    calibration: Calibration, camera: Camera, topic: str, turns: int = 0, attitude: Attitude = LEVEL
+) -> "Rectifier":
     """Return the rectifier of a topic's images to the camera of the profile.
 
     Args:
@@ -175,6 +178,7 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
         camera: camera of the profile.
         topic: topic of the images, for errors.
         turns: number of clockwise quarter turns that set an image upright.
+        attitude: attitude of the base at the images.
 
     Raises:
         CalibrationError: the calibration cannot be used, or its field of view differs from the profile's by more than
@@ -183,7 +187,7 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
     if isinstance(calibration, CalibrationError):
         raise calibration
     if calibration is None:
-        return Rectifier(camera, None, turns)
+        return Rectifier(camera, None, turns, attitude)
     fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), camera.horizontal_fov_deg
     differs = abs(fov_deg - wanted_deg) > CONTRADICTION_SHARE * wanted_deg
     if differs and not (calibration.is_fisheye and fov_deg > wanted_deg):
@@ -193,16 +197,22 @@ def rectifier_of(calibration: Calibration, camera: Camera, topic: str, turns: in
             advice=f"set camera.horizontal_fov_deg: {best} in the profile, or the camera driver's mode",
         )
     size = (camera.height, camera.width) if turns % 2 else (camera.width, camera.height)
-    return Rectifier(camera, calibration.scaled_to(*size, topic), turns)
+    return Rectifier(camera, calibration.scaled_to(*size, topic), turns, attitude)
 
 
 class Rectifier:
-    """Resamples images to the camera of the profile without roll; `turns` sets them upright."""
+    """Resamples images to the camera of the profile without roll; `turns` sets them upright.
 
-    def __init__(self, camera: Camera, intrinsics: Intrinsics | None, turns: int = 0) -> None:
+    On a base with an attitude, this is the camera `Camera.on`, which looks straight ahead over a level floor.
+    """
+
+    def __init__(
+        self, camera: Camera, intrinsics: Intrinsics | None, turns: int = 0, attitude: Attitude = LEVEL
+    ) -> None:
         self._turns = turns % 4
         self._shape = (camera.height, camera.width)
-        pixels = _source_pixels(camera, intrinsics, self._turns)
+        rays, self._depth_per_depth = _source_rays(camera, attitude)
+        pixels = _source_pixels(camera, intrinsics, self._turns, rays)
         upright = _upright_pixels(camera, self._turns)
         self.moved_px = float(np.abs(pixels - upright).max())
         """Largest shift of a pixel."""
@@ -256,7 +266,7 @@ class Rectifier:
             smooth = np.maximum.reduce(corners) < (1 + _SMOOTH) * np.minimum.reduce(corners)
             within = smooth & (across >= 0) & (across <= 1) & (down >= 0) & (down <= 1)
             found[within] = (1 / (upper * (1 - down) + lower * down))[within]
-        return found
+        return found if self._depth_per_depth is None else found * self._depth_per_depth
 
     def _upright(self, pixels: Pixels) -> Pixels:
         return cast("Pixels", np.ascontiguousarray(np.rot90(pixels, -self._turns))) if self._turns else pixels
@@ -281,16 +291,38 @@ def _upright_pixels(camera: Camera, turns: int) -> npt.NDArray[np.float64]:
     return np.column_stack([column, row])
 
 
-def _source_pixels(camera: Camera, intrinsics: Intrinsics | None, turns: int) -> npt.NDArray[np.float64]:
-    """Return the column and row (H * W, 2) in the camera's image of each ray of the camera without roll."""
+def _source_rays(
+    camera: Camera, attitude: Attitude
+) -> tuple[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]], npt.NDArray[np.float32] | None]:
+    """Return the rays of the rectified image as the real camera sees them.
+
+    Returns:
+        (H * W,) components right and down per metre ahead, and (H, W) rectified depth per measured depth, which is not
+        1 where roll and tilt together turn the optical axis to the side; None for 1.
+    """
     row, column = np.indices((camera.height, camera.width)).reshape(2, -1).astype(np.float64)
     cx, cy = camera.center_px
     right, down = (column - cx) / camera.focal_px, (row - cy) / camera.focal_px
+    if attitude != LEVEL:
+        turn = camera.axes(attitude) @ camera.on(attitude).axes().T
+        right, down, ahead = turn @ np.stack([right, down, np.ones_like(right)])
+        ratio = (1 / ahead).astype(np.float32).reshape(camera.height, camera.width)
+        return (right / ahead, down / ahead), None if np.allclose(ahead, 1.0, atol=1e-6) else ratio
     roll_rad = math.radians(camera.roll_deg)
-    right, down = (
+    return (
         math.cos(roll_rad) * right + math.sin(roll_rad) * down,
         math.cos(roll_rad) * down - math.sin(roll_rad) * right,
-    )
+    ), None
+
+
+def _source_pixels(
+    camera: Camera,
+    intrinsics: Intrinsics | None,
+    turns: int,
+    rays: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]],
+) -> npt.NDArray[np.float64]:
+    """Return the column and row (H * W, 2) in the camera's image of the rays of `_source_rays`."""
+    right, down = rays
     for _ in range(turns):
         right, down = down, -right
     if intrinsics is None:
