@@ -20,7 +20,8 @@ from vsnbench.robots.checkup.result import Health
 from vsnbench.robots.profiles import load_profile
 from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sensing.images.camera_images import median_depth_m
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, rectifier_of
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics
+from vsnbench.sensing.images.rectifier import rectifier_of
 from vsnbench.simulator.generated_sites.generate import generate_site
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.camera import Camera

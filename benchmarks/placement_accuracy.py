@@ -33,7 +33,7 @@ from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
 from vsnbench.robots.profiles import load_profile
 from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sensing.images.floor_plane import fit_floor
-from vsnbench.sensing.images.intrinsics import Rectifier
+from vsnbench.sensing.images.rectifier import Rectifier
 from vsnbench.simulator.generated_sites.generate import generate_site
 from vsnbench.simulator.rendering.renderer import Pinhole, eye_of
 from vsnbench.sites.site import Site, StartingPosition, load_site

@@ -7,12 +7,14 @@ import pytest
 
 from tests.robots.profile_text import parse_profile
 from vsnbench.errors import RobotError, UsageError
+from vsnbench.robots.checkup.profile import implausible_values
 from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile, profile_path
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.ros.ros2.interface import ros2_interface
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 
+EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 TURTLEBOT4 = embedded_profiles()["turtlebot4"].read_text(encoding="utf-8")
 TURTLEBOT2 = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
 
@@ -22,6 +24,14 @@ def test_the_papers_two_robots_and_three_of_ros_2_are_embedded_under_their_names
     assert kinds == {"lola2": "ros1", "turtlebot2": "ros1", "create3": "ros2", "stretch": "ros2", "turtlebot4": "ros2"}
     for name in embedded_profiles():
         assert load_profile(name).name == name
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.yaml")), ids=lambda file: file.stem)
+def test_an_example_is_a_profile_without_faults(file: Path) -> None:
+    profile = load_profile(file)
+    assert profile.name == file.stem
+    assert ros2_interface(profile).depth
+    assert implausible_values(profile) == []
 
 
 def test_turtlebot2_drives_by_the_papers_defaults() -> None:

@@ -17,7 +17,8 @@ from vsnbench.robots.ros.link import connect
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
 from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
-from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics, is_of_own_size, rectifier_of
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics
+from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
 from vsnbench.values.camera import Camera
 from vsnbench.values.robot_profile import RobotProfile
 

@@ -16,6 +16,7 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, Robot, Watch
 from vsnbench.robots.simulated_mover import SimulatedMover
+from vsnbench.sensing.images.rectifier import Rectifier
 from vsnbench.sensing.movement_check import displacement_m, remaining_m
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
@@ -29,7 +30,7 @@ from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
-from vsnbench.values.pose import Pose, wrap_angle
+from vsnbench.values.pose import LEVEL, Attitude, Pose, wrap_angle
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
 from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
@@ -132,23 +133,37 @@ class SimulatedRobot(Robot):
         return self._view(camera.without_roll, self._other_depth_rng)
 
     def _view(self, camera: Camera, depth_rng: np.random.Generator) -> Observation:
-        here = self._physics.pose
+        here, attitude = self._physics.pose, self._base.attitude
         colours: dict[str, Any] = {}
         if self._draws_colours:
-            view = self._renderer.render(camera, here) if self._draws_labels else self._renderer.look(camera, here)
+            view = (self._renderer.render if self._draws_labels else self._renderer.look)(camera, here, attitude)
             depth_m = view.depth_m
             colours = {"rgb": view.rgb, "instances": None}
             if isinstance(view, Frame):
                 depth_m = self._with_noise(view, depth_rng)
                 colours["instances"] = InstanceImage(view.instance, self._categories)
         else:
-            depth_m = self._renderer.measure(camera, here)
+            depth_m = self._renderer.measure(camera, here, attitude)
         beyond_range = depth_m > np.float32(camera.depth_max_m)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         pose = _reported(self._odometry)
+        rectifier, camera = self._leaning(camera, attitude)
+        if rectifier is not None:
+            depth_m, beyond_range = rectifier.depth(depth_m), rectifier.labels(beyond_range)
+            if "rgb" in colours:
+                colours["rgb"] = rectifier.image(colours["rgb"])
+            if (labels := colours.get("instances")) is not None:
+                colours["instances"] = InstanceImage(rectifier.labels(labels.ids), labels.categories)
         return observation_of(
             self._physics.time_s, camera, depth_m=depth_m, pose=pose, beyond_range=beyond_range, **colours
         )
+
+    def _leaning(self, camera: Camera, attitude: Attitude) -> tuple[Rectifier | None, Camera]:
+        """Return the rectifier for images at an attitude, and their camera; None if the robot does not know it."""
+        attitude = attitude.rounded
+        if attitude == LEVEL or getattr(self.profile.interface, "attitude", None) is None:
+            return None, camera
+        return Rectifier(camera, None, 0, attitude), camera.on(attitude)
 
     def _with_noise(self, view: Frame, rng: np.random.Generator) -> npt.NDArray[np.float32]:
         if self.noise is None:
@@ -264,12 +279,14 @@ class SimulatedRobot(Robot):
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""
-        camera = self.profile.camera.without_roll
+        camera, attitude = self.profile.camera.without_roll, self._base.attitude
         if self.noise is None:
-            depth_m = self._renderer.measure(camera, self._physics.pose)
+            depth_m = self._renderer.measure(camera, self._physics.pose, attitude)
         else:
-            depth_m = self._with_noise(self._renderer.render(camera, self._physics.pose), self._depth_rng)
+            depth_m = self._with_noise(self._renderer.render(camera, self._physics.pose, attitude), self._depth_rng)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
+        rectifier, camera = self._leaning(camera, attitude)
+        depth_m = depth_m if rectifier is None else rectifier.depth(depth_m)
         return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
 
     def locate(self) -> Fix:

@@ -19,7 +19,7 @@ from vsnbench.sensing.simulation import read_account
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.battery import Battery
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -30,6 +30,8 @@ Found = TypeVar("Found")
 
 SOURCE_MEMORY_S = 2.0
 """A node counts as publisher of a topic for this long after its last message."""
+_ATTITUDE_PERIOD_S = 0.009
+_ATTITUDES = 300
 AGE_LIMIT_S = 1.0
 """Age of the last message from which a part does not answer."""
 
@@ -42,6 +44,10 @@ class RobotSnapshot:
     """Latest odometry readings, oldest first."""
     odometry_fault: OdometryFault | None = None
     """Latest fault of the odometry since `RobotReports.clear_events`, or None."""
+    attitudes: tuple[Stamped[Attitude], ...] = ()
+    """Latest attitudes of the base, oldest first; empty for a profile without their source."""
+    attitude_fault: str = ""
+    """Why the last message of that source gave none, or empty."""
     colors: tuple[Stamped[Any], ...] = ()
     """Latest colour images (sensor_msgs/Image), oldest first, as are depths and labels."""
     depths: tuple[Stamped[Any], ...] = ()
@@ -155,6 +161,20 @@ class RobotReports:
             return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._max_readings :]}
 
         self._update(changes)
+
+    def take_attitude(self, measured: Attitude | str, stamp_s: float) -> None:
+        """Take an attitude, or the reason why a message of its source gives none; stamps on the robot's clock.
+
+        Of more than 100 a second, only some are kept.
+        """
+        if isinstance(measured, str):
+            self._update(lambda _: {"attitude_fault": measured, "attitudes": ()})
+            return
+        known = self._snapshot.attitudes
+        if known and abs(stamp_s - known[-1].stamp_s) < _ATTITUDE_PERIOD_S:
+            return
+        taken = Stamped(measured, stamp_s, time.monotonic())
+        self._update(lambda now: {"attitude_fault": "", "attitudes": (*now.attitudes, taken)[-_ATTITUDES:]})
 
     def take_image(self, field: str, capacity: int, message: Any, stamp_s: float, topic: str, source: str) -> None:
         """Take an undecoded image.

@@ -22,7 +22,7 @@ from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_operator import SimulatedOperator
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.images import depth_millimetres
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
@@ -65,8 +65,8 @@ class RobotOutlet(Protocol):
     def publish_time(self, stamp_s: float) -> None:
         """Called after each control period."""
 
-    def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
-        """Called with each odometry measurement."""
+    def publish_odometry(self, pose: Pose, stamp_s: float, attitude: Attitude) -> None:
+        """Called with each odometry measurement, and the attitude of the base."""
 
     def publish_truth(self, pose: Pose, stamp_s: float) -> None:
         """Called with the true pose in the site's frame."""
@@ -200,11 +200,12 @@ class RobotPlayer:
                 now_s, truth = self._base.now_s, self._base.pose
                 due = now_s >= odometry_due_s - 1e-6
                 odometry = self._base.read_odometry() if due else None
+                attitude = self._base.attitude
             stamp_s = self._epoch_s + now_s
             self._outlet.publish_time(stamp_s)
             if odometry is not None:
                 odometry_due_s = max(odometry_due_s + 1 / self._odometry_rate_hz, now_s - CONTROL_PERIOD_S)
-                self._outlet.publish_odometry(odometry, stamp_s)
+                self._outlet.publish_odometry(odometry, stamp_s, attitude)
             self._outlet.publish_truth(truth, stamp_s)
             if now_s >= battery_due_s:
                 battery_due_s = now_s + _BATTERY_PERIOD_S
@@ -227,8 +228,8 @@ class RobotPlayer:
 
     def _picture(self) -> CameraImages:
         with self._lock:
-            pose, now_s = self._base.pose, self._base.now_s
-        frame = self._renderer.render(self._profile.camera, pose)
+            pose, attitude, now_s = self._base.pose, self._base.attitude, self._base.now_s
+        frame = self._renderer.render(self._profile.camera, pose, attitude)
         depth_m = frame.depth_m
         if self._options.noise is not None:
             shininess = self._shininess[frame.instance]

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
+from vsnbench.values.pose import LEVEL, Attitude
+
 
 class Camera(BaseModel):
     """A pinhole camera, its mount on the base, and the range of its depth sensor.
@@ -44,6 +46,32 @@ class Camera(BaseModel):
     def without_roll(self) -> Self:
         """The camera of a robot's images, whose roll is rectified."""
         return self.model_copy(update={"roll_deg": 0.0}) if self.roll_deg else self
+
+    def axes(self, attitude: Attitude = LEVEL) -> npt.NDArray[np.float64]:
+        """Return the camera's axes (3, 3) as rows right, down and forward, on a base with an attitude.
+
+        They are in axes with the base's heading on a level floor: x forward, y left, z up.
+        """
+        tilt_rad, roll_rad = math.radians(self.tilt_deg), math.radians(self.roll_deg)
+        level, rise = math.cos(tilt_rad), math.sin(tilt_rad)
+        right, down = np.array([0.0, -1.0, 0.0]), np.array([rise, 0.0, -level])
+        rolled = math.cos(roll_rad) * right + math.sin(roll_rad) * down
+        axes = np.array([rolled, math.cos(roll_rad) * down - math.sin(roll_rad) * right, [level, 0.0, rise]])
+        return np.asarray(axes @ attitude.rotation.T)
+
+    def on(self, attitude: Attitude) -> Self:
+        """Return the camera without roll whose images those of this one are rectified to, on a base with an attitude.
+
+        The body turns about the point of its axis at the height of the lens: a lens ahead of the axis sinks as the
+        front does.
+        """
+        if attitude == LEVEL:
+            return self.without_roll
+        ahead = math.cos(attitude.pitch_rad) * self.mount_forward_m
+        down_m = math.sin(attitude.pitch_rad) * self.mount_forward_m
+        tilt_deg = math.degrees(math.asin(max(-1.0, min(1.0, float(self.axes(attitude)[2, 2])))))
+        mount = {"mount_forward_m": ahead, "mount_height_m": self.mount_height_m - down_m}
+        return self.model_copy(update={**mount, "tilt_deg": tilt_deg, "roll_deg": 0.0})
 
     @property
     def focal_px(self) -> float:

@@ -1,9 +1,19 @@
-"""Planar poses in REP-103 frames: x forward, y left, heading counter-clockwise; metres and radians."""
+"""Planar poses in REP-103 frames: x forward, y left, heading counter-clockwise; metres and radians.
+
+An attitude is what a pose leaves out: roll and pitch of the body.
+"""
 
 import math
 from dataclasses import dataclass
 from math import isfinite
 from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+_ATTITUDE_STEP_RAD = math.radians(0.25)
+_MOST_NORM_ERROR = 0.05
+"""Largest error of the length of a quaternion."""
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -65,3 +75,55 @@ def advanced(pose: Pose, way_m: float, turn_rad: float) -> Pose:
     return Pose(
         pose.x_m + way_m * math.cos(middle_rad), pose.y_m + way_m * math.sin(middle_rad), pose.heading_rad + turn_rad
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Roll and pitch of a body in REP-103 axes, radians: heading, then pitch, then roll turn the axes in this order.
+
+    A positive roll lowers the right side, a positive pitch lowers the front.
+    """
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+    @classmethod
+    def of_quaternion(cls, x: float, y: float, z: float, w: float) -> Self:
+        """Return the attitude of an orientation.
+
+        Raises:
+            ValueError: it is not a unit quaternion.
+        """
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
+        if not abs(norm - 1) <= _MOST_NORM_ERROR:
+            raise ValueError(f"({x:g}, {y:g}, {z:g}, {w:g}) is not a unit quaternion")
+        x, y, z, w = x / norm, y / norm, z / norm, w / norm
+        pitch_rad = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+        return cls(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), pitch_rad)
+
+    @property
+    def rotation(self) -> npt.NDArray[np.float64]:
+        """(3, 3) axes of the body as columns, in axes with its heading on a level floor."""
+        cos_r, sin_r = math.cos(self.roll_rad), math.sin(self.roll_rad)
+        cos_p, sin_p = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        return np.array(
+            [[cos_p, sin_p * sin_r, sin_p * cos_r], [0.0, cos_r, -sin_r], [-sin_p, cos_p * sin_r, cos_p * cos_r]]
+        )
+
+    @property
+    def lean_rad(self) -> float:
+        """Angle between the body's upward axis and the vertical."""
+        return math.acos(max(-1.0, min(1.0, math.cos(self.roll_rad) * math.cos(self.pitch_rad))))
+
+    @property
+    def rounded(self) -> "Attitude":
+        """The attitude in steps of 0.25°, so that what depends on it need not be computed for each image."""
+        roll, pitch = (round(angle / _ATTITUDE_STEP_RAD) for angle in (self.roll_rad, self.pitch_rad))
+        return Attitude(roll * _ATTITUDE_STEP_RAD, pitch * _ATTITUDE_STEP_RAD)
+
+    def turned_from(self, other: "Attitude") -> float:
+        """Return the larger of the differences in roll and pitch, radians."""
+        return max(abs(self.roll_rad - other.roll_rad), abs(self.pitch_rad - other.pitch_rad))
+
+
+LEVEL = Attitude()

@@ -136,6 +136,13 @@ class BaseDynamics(BaseModel):
     lateral_gain: float = Field(default=1.0, gt=0.2, le=2.5, description="way sideways per commanded way, measured")
     sway_m: float = Field(default=0.0, ge=0, le=0.1, description="amplitude of a gait's sideways motion, measured")
     sway_hz: float = Field(default=2.0, gt=0, le=10, description="frequency of the gait, Hz")
+    pitch_deg: float = Field(
+        default=0.0, ge=0, le=15, description="amplitude of a gait's pitch, which moves the camera"
+    )
+    roll_deg: float = Field(default=0.0, ge=0, le=15, description="amplitude of a gait's roll, which moves the camera")
+    lean_deg: float = Field(
+        default=0.0, ge=0, le=10, description="standard deviation of roll and pitch in which the body comes to rest"
+    )
     max_lateral_m_s: float = Field(
         default=0.0, ge=0, lt=3, description="speed limit sideways, if the base of the profile states none"
     )

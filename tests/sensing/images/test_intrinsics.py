@@ -10,14 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsnbench.sensing.images.intrinsics import (
-    CalibrationError,
-    Intrinsics,
-    Rectifier,
-    is_of_own_size,
-    rectifier_of,
-)
+from vsnbench.sensing.images.intrinsics import CalibrationError, Intrinsics
+from vsnbench.sensing.images.rectifier import Rectifier, is_of_own_size, rectifier_of
 from vsnbench.values.camera import Camera
+from vsnbench.values.pose import Attitude
 
 CAMERA = Camera(width=160, height=120, horizontal_fov_deg=60, mount_height_m=0.6)
 BENT = (0.1, -0.15, 0.001, -0.001, 0.02)
@@ -267,3 +263,28 @@ def test_an_image_without_a_calibration_of_its_size_is_not_registered() -> None:
     assert not is_of_own_size(None, CAMERA, (212, 120))
     assert not is_of_own_size(ideal(), CAMERA, (160, 120)), "it has the size of the profile"
     assert not is_of_own_size(ideal(), CAMERA, (80, 60)), "its calibration is for another size"
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg", "tilt_deg"), [(5, 0, 0), (0, 6, 0), (-6, 4, -25), (4, -5, -10)])
+def test_the_floor_is_level_in_images_of_a_leaning_base(roll_deg: float, pitch_deg: float, tilt_deg: float) -> None:
+    camera = CAMERA.model_copy(update={"tilt_deg": tilt_deg, "mount_forward_m": 0.3})
+    attitude = Attitude(math.radians(roll_deg), math.radians(pitch_deg))
+    level = camera.on(attitude)
+    rows, columns = np.indices((120, 160))
+    (cx, cy) = camera.center_px
+    ahead = np.ones_like(rows, float)
+    rays = np.stack([(columns - cx) / camera.focal_px, (rows - cy) / camera.focal_px, ahead], -1) @ camera.axes(
+        attitude
+    )
+    depth_m = np.full((120, 160), np.nan, np.float32)
+    down = rays[..., 2] < -0.15
+    depth_m[down] = level.mount_height_m / -rays[..., 2][down]
+    heights_m = level.points_in_base(Rectifier(camera, None, 0, attitude).depth(depth_m))[..., 2]
+    assert np.isfinite(heights_m).mean() > 0.1
+    assert np.nanmax(np.abs(heights_m)) < 0.02
+    assert np.nanmax(np.abs(camera.points_in_base(depth_m)[..., 2])) > 0.03
+
+
+def test_an_image_of_a_level_base_is_not_resampled() -> None:
+    assert not Rectifier(CAMERA, None, 0, Attitude()).resamples
+    assert CAMERA.on(Attitude()) == CAMERA.without_roll

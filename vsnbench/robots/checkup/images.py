@@ -16,14 +16,8 @@ from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import (
-    FOV_SHARE,
-    Calibration,
-    CalibrationError,
-    Intrinsics,
-    is_of_own_size,
-    rectifier_of,
-)
+from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, CalibrationError, Intrinsics
+from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
 from vsnbench.sensing.images.regions import Region, invalid_region
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.robot_profile import RobotProfile

@@ -19,7 +19,7 @@ from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.sensing.odometry.odometry import OdometryReading, OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile, Tolerances
 
 _NOISE_MARGIN = 1.15
@@ -113,6 +113,23 @@ def odometry_results(profile: RobotProfile, readings: Iterable[PlanarReading]) -
         return
     seen = f"noise at rest {noise.position_m * 1000:.2g} mm, {noise.heading_deg:.2g}°"
     yield CheckResult("odometry", Health.OK, seen)
+
+
+def attitude_results(measured: Sequence[Attitude | str]) -> Iterator[CheckResult]:
+    """Report the attitude of the base at rest, or why the last message has none."""
+    if not measured:
+        return
+    if isinstance(last := measured[-1], str):
+        yield CheckResult("attitude", Health.FAILED, last)
+        return
+    known = [attitude for attitude in measured if isinstance(attitude, Attitude)]
+    spans = []
+    for name, angles in (
+        ("roll", [attitude.roll_rad for attitude in known]),
+        ("pitch", [attitude.pitch_rad for attitude in known]),
+    ):
+        spans.append(f"{name} {math.degrees(min(angles)):.1f}° to {math.degrees(max(angles)):.1f}°")
+    yield CheckResult("attitude", Health.OK, ", ".join(spans))
 
 
 def _is_too_noisy(noise: StandstillNoise, tolerance: float, profile: RobotProfile, *, turns: bool) -> bool:

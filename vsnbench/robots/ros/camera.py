@@ -25,18 +25,13 @@ from vsnbench.sensing.images.camera_images import (
     share_invalid,
 )
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
-from vsnbench.sensing.images.intrinsics import (
-    Calibration,
-    CalibrationError,
-    Intrinsics,
-    Rectifier,
-    is_of_own_size,
-    rectifier_of,
-)
+from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, Intrinsics
+from vsnbench.sensing.images.rectifier import Rectifier, is_of_own_size, rectifier_of
+from vsnbench.sensing.odometry.attitude import attitude_at
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.values.camera import Camera
 from vsnbench.values.observation import InstanceImage, Observation
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 CAMERA_TIMEOUT_S = 3.0
@@ -45,6 +40,11 @@ _MAX_INVALID = 0.5
 """The unit of a depth image may be wrong if a larger share is invalid."""
 _CALIBRATION_S = 2.0
 """Time for the first camera_info, which drivers publish with every image."""
+_ATTITUDE_S = 0.3
+"""Time for the attitude at an image, whose message may arrive after it."""
+_SAME_ATTITUDE_RAD = math.radians(0.5)
+"""Depth images of one median were taken at attitudes that differ less."""
+_RECTIFIERS = 64
 _STALE_S = 2.0
 """Age at which an image is no longer current."""
 
@@ -62,8 +62,9 @@ class RosCamera:
         self._names = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """Number of depth images per median."""
-        self._rectifiers: dict[str, tuple[Calibration, bool, Rectifier]] = {}
-        """Rectifier by topic, and the calibration that it is for; whether the images have a size of their own."""
+        self._rectifiers: dict[tuple[str, Attitude], tuple[Calibration, bool, Rectifier]] = {}
+        """Rectifier by topic and attitude, and the calibration that it is for; whether the images have a size of their
+        own."""
         self.labelled = link.has_labels
         """Whether a simulator labels the images; read once, because a ROS master may die during an episode."""
         self._await_calibration()
@@ -81,7 +82,7 @@ class RosCamera:
         wanted = [topic for topic, info in of_images.items() if topic and info]
         self._link.wait_for(lambda now: all(topic in now.calibrations for topic in wanted), _CALIBRATION_S)
         for topic in wanted:
-            self._rectifier(topic, _size_of(self._link.snapshot().calibrations.get(topic)))
+            self._rectifier(topic, size=_size_of(self._link.snapshot().calibrations.get(topic)))
 
     def capture(self, end: MotionEnd, read_pose: Callable[[], Pose]) -> Observation:
         """Return an observation with images taken after `end`; the depth is the median of several images.
@@ -95,11 +96,12 @@ class RosCamera:
         """
         began_s = time.monotonic()
         match, instances = self._await_images(end)
+        attitude, depths = self._attitude_of(match)
         got_s = time.monotonic()
         camera = self._profile.camera
         try:
             rgb = decode_color(self._link.image(match.color.payload))
-            frames = [decode_depth(self._link.image(frame.payload)) for frame in match.depths]
+            frames = [decode_depth(self._link.image(frame.payload)) for frame in depths]
         except ImageError as error:
             raise SensorLostError(
                 f"{error}", advice="check that the camera driver is that of the profile", code=error.code
@@ -122,9 +124,12 @@ class RosCamera:
         if invalid_after > _MAX_INVALID and (fault := range_fault(frames[-1], camera)):
             raise SensorLostError(f"{self._names.depth}: {fault}", advice=WRONG_UNIT, code="wrong-depth-range")
         try:
-            rgb = self._rectifier(self._names.color).image(rgb)
+            rgb = self._rectifier(self._names.color, attitude).image(rgb)
+            if instances is not None:
+                labels = self._rectifier(self._names.color, attitude).labels(instances.ids)
+                instances = InstanceImage(labels, instances.categories)
             if depth_m is not None:
-                rectifier = self._rectifier(self._names.depth, frames[-1].shape[::-1])
+                rectifier = self._rectifier(self._names.depth, attitude, frames[-1].shape[::-1])
                 depth_m = rectifier.depth(depth_m)
                 beyond = None if beyond is None else rectifier.labels(beyond)
         except CalibrationError as error:
@@ -137,12 +142,14 @@ class RosCamera:
             "invalid_before": float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
             "invalid_after": invalid_after,  # of the median
         }
+        if self._names.attitude is not None:
+            sensing |= {"roll_deg": math.degrees(attitude.roll_rad), "pitch_deg": math.degrees(attitude.pitch_rad)}
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
             pose=read_pose(),
             stamp_s=match.color.stamp_s,
-            camera=self.model,
+            camera=camera.on(attitude),
             instances=instances,
             depth_stamp_s=match.depths[-1].stamp_s if match.depths else None,
             beyond_range=beyond,
@@ -150,23 +157,57 @@ class RosCamera:
             depth_frame_digest=hashlib.blake2b(frames[-1].tobytes(), digest_size=16).digest() if frames else None,
         )
 
-    @property
-    def model(self) -> Camera:
-        """Camera that fits the rectified images."""
-        return self._profile.camera.without_roll
-
-    def depth_of(self, image: Stamped[Any]) -> npt.NDArray[np.float32]:
-        """Return one depth image of a snapshot (H, W), metres, NaN where invalid, unfiltered.
+    def depth_of(self, image: Stamped[Any]) -> tuple[npt.NDArray[np.float32], Camera]:
+        """Return one depth image of a snapshot (H, W), metres, NaN where invalid, unfiltered; and its camera.
 
         Raises:
             ImageError: it cannot be decoded.
             CalibrationError: it cannot be rectified.
+            SensorLostError: the attitude of the base at the image is not known.
             ValueError: its size does not fit.
         """
-        camera = self._profile.camera
+        camera, attitude = self._profile.camera, self._attitude_at(self._link.snapshot(), image.stamp_s)
+        if attitude is None:
+            raise self._no_attitude()
         frame = decode_depth(self._link.image(image.payload))
         depth_m = median_depth_m([frame], camera.depth_min_m, camera.depth_max_m)
-        return self._rectifier(self._names.depth, frame.shape[::-1]).depth(depth_m)
+        rectifier = self._rectifier(self._names.depth, attitude, frame.shape[::-1])
+        return rectifier.depth(depth_m), camera.on(attitude)
+
+    def _attitude_at(self, now: RobotSnapshot, stamp_s: float) -> Attitude | None:
+        """Return the attitude of the base at a time; level for a profile without its source."""
+        if self._names.attitude is None:
+            return LEVEL
+        attitude = attitude_at(now.attitudes, stamp_s)
+        return None if attitude is None else attitude.rounded
+
+    def _no_attitude(self) -> SensorLostError:
+        source, fault = self._names.attitude, self._link.snapshot().attitude_fault
+        if fault or source is None:
+            return SensorLostError(fault, code="no-attitude")
+        return SensorLostError(
+            f"{source.topic} has no attitude at the time of the image",
+            advice="check that it is published, and that the clocks of its machine and the camera's agree",
+            code="no-attitude",
+        )
+
+    def _attitude_of(self, match: MatchedImages[Any]) -> tuple[Attitude, Sequence[Stamped[Any]]]:
+        """Return the attitude at the newest image, and the depth images that were taken at the same attitude.
+
+        Raises:
+            SensorLostError: it is not known.
+        """
+        newest_s = (match.depths[-1] if match.depths else match.color).stamp_s
+        attitude = self._link.wait_for(lambda now: self._attitude_at(now, newest_s), _ATTITUDE_S)
+        if attitude is None:
+            raise self._no_attitude()
+        now = self._link.snapshot()
+        others = [self._attitude_at(now, frame.stamp_s) for frame in match.depths]
+        return attitude, [
+            frame
+            for frame, other in zip(match.depths, others, strict=True)
+            if other is not None and other.turned_from(attitude) <= _SAME_ATTITUDE_RAD
+        ]
 
     def preview(self) -> npt.NDArray[np.uint8] | None:
         """Return the newest colour image, or None if it is older than two seconds; thread-safe."""
@@ -197,7 +238,6 @@ class RosCamera:
         for labels in now.labels if self.labelled else ():
             if labels.stamp_s == match.color.stamp_s:
                 ids = decode_labels(self._link.image(labels.payload))
-                ids = self._rectifier(self._names.color).labels(ids)
                 return match, InstanceImage(ids=ids, categories=now.categories)
         return match, None
 
@@ -206,11 +246,12 @@ class RosCamera:
         calibration = self._link.snapshot().calibrations.get(self._names.depth)
         return is_of_own_size(calibration, self._profile.camera, depth.shape[::-1], self._link.image_turns)
 
-    def _rectifier(self, topic: str, size: tuple[int, ...] = ()) -> Rectifier:
-        """Return the rectifier of a topic for the newest calibration.
+    def _rectifier(self, topic: str, attitude: Attitude = LEVEL, size: tuple[int, ...] = ()) -> Rectifier:
+        """Return the rectifier of a topic for the newest calibration and an attitude of the base.
 
         Args:
             topic: topic of the images.
+            attitude: attitude of the base at the images.
             size: width and height of the topic's depth images; empty for those of the profile.
 
         Raises:
@@ -219,11 +260,13 @@ class RosCamera:
         calibration, camera = self._link.snapshot().calibrations.get(topic), self._profile.camera
         is_depth = topic == self._names.depth and len(size) == 2
         own = is_depth and is_of_own_size(calibration, camera, (size[0], size[1]), self._link.image_turns)
-        known = self._rectifiers.get(topic)
+        known = self._rectifiers.get((topic, attitude))
         if known is not None and known[0] is calibration and known[1] is own:
             return known[2]
-        rectifier = rectifier_of(calibration, camera, topic, self._link.image_turns, of_own_size=own)
-        self._rectifiers[topic] = calibration, own, rectifier
+        rectifier = rectifier_of(calibration, camera, topic, self._link.image_turns, attitude, of_own_size=own)
+        if len(self._rectifiers) >= _RECTIFIERS:
+            self._rectifiers.pop(next(iter(self._rectifiers)))
+        self._rectifiers[topic, attitude] = calibration, own, rectifier
         return rectifier
 
 

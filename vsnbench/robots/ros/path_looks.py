@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.errors import ImageError
+from vsnbench.errors import ImageError, SensorLostError
 from vsnbench.robots.contract import DrivingView, Watch
 from vsnbench.robots.ros.camera import RosCamera
 from vsnbench.ros.common.robot_link import RobotLink
@@ -16,6 +16,7 @@ from vsnbench.sensing.images.intrinsics import CalibrationError
 from vsnbench.sensing.movement_check import MovementAlarmError
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.values.camera import Camera
 from vsnbench.values.pose import wrap_angle
 
 _SPEED_PERIOD_S = 0.12
@@ -47,7 +48,7 @@ class PathLooks:
             MovementAlarmError: no depth image is new.
         """
         if depths := link.snapshot().depths:
-            self._check(DrivingView(self._depth_of(depths[-1]), self._camera.model, 0.0, 0.0, 0.0, math.inf))
+            self._check(DrivingView(*self._depth_of(depths[-1]), 0.0, 0.0, 0.0, math.inf))
         if not link.wait_for(_sees_now, _SIGHT_TIMEOUT_S):
             now = link.snapshot()
             since = f" captured in the last {captured_ago_s(now.depths[-1], now):.1f} s" if now.depths else ""
@@ -75,14 +76,16 @@ class PathLooks:
         if age_s > _LONGEST_AGE_S:
             raise MovementAlarmError(f"no depth image for {age_s:.1f} s", blocked=True)
         self._last_arrival_s = newest.arrival_s
-        depth_m, age_s = self._depth_of(newest), captured_ago_s(newest, now)
-        view = DrivingView(depth_m, self._camera.model, age_s, linear_m_s, angular_rad_s, remaining_m)
+        (depth_m, camera), age_s = self._depth_of(newest), captured_ago_s(newest, now)
+        view = DrivingView(depth_m, camera, age_s, linear_m_s, angular_rad_s, remaining_m)
         if reason := self._check(view):
             raise MovementAlarmError(reason, blocked=True)
 
-    def _depth_of(self, image: Stamped[Any]) -> npt.NDArray[np.float32]:
+    def _depth_of(self, image: Stamped[Any]) -> tuple[npt.NDArray[np.float32], Camera]:
         try:
             return self._camera.depth_of(image)
+        except SensorLostError as error:
+            raise MovementAlarmError(str(error), sensor_lost=True) from error
         except (ImageError, CalibrationError, ValueError) as error:
             raise MovementAlarmError(f"a depth image cannot be read: {error}", sensor_lost=True) from error
 

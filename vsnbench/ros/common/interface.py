@@ -42,6 +42,18 @@ class OdometryFrames(BaseModel):
         return self
 
 
+class AttitudeSource(BaseModel):
+    """Topic that has roll and pitch of the base, which move its camera."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    topic: str = Field(
+        pattern=r"^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$",
+        description="the topic of the odometry or of TF, whose orientation has them, or one of sensor_msgs/Imu",
+    )
+    frame: FrameId = Field(default="base_link", description="frame of the IMU; its axes must be those of the base")
+
+
 class RosInterface(Interface):
     """Topics of a robot over ROS; an empty name means that the robot does not have the part.
 
@@ -77,6 +89,9 @@ class RosInterface(Interface):
     tf: OdometryFrames | None = Field(
         default=None, description="TF frames of the odometry, for a base without an odometry topic"
     )
+    attitude: AttitudeSource | None = Field(
+        default=None, description="source of the base's roll and pitch; none for a base that stays level"
+    )
 
     @property
     def odometry_topic(self) -> str:
@@ -87,6 +102,11 @@ class RosInterface(Interface):
     def odometry_type(self) -> str:
         """Type of the messages on `odometry_topic`, such as `nav_msgs/Odometry`."""
         return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
+
+    @property
+    def imu(self) -> str:
+        """Topic of the sensor_msgs/Imu that has the attitude; empty if the odometry has it, or nothing."""
+        return "" if self.attitude is None or self.attitude.topic == self.odometry_topic else self.attitude.topic
 
     @property
     def hazard_topics(self) -> tuple[HazardTopic, ...]:
@@ -129,10 +149,11 @@ class RosInterface(Interface):
 
     @model_serializer(mode="wrap")
     def _without_absent_frames(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave `tf` out where it is not used, so that the hashes of older profiles stay the same."""
+        """Leave out what is not used, so that the hashes of older profiles stay the same."""
         content: dict[str, Any] = serialize(self)
-        if content.get("tf") is None:
-            content.pop("tf", None)
+        for name in ("tf", "attitude"):
+            if content.get(name) is None:
+                content.pop(name, None)
         return content
 
 

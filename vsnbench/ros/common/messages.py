@@ -12,7 +12,7 @@ from vsnbench.control.command import Command
 from vsnbench.sensing.odometry.odometry import heading_of_quaternion
 from vsnbench.values.camera import Camera
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 
 
 def planar(message: Any) -> tuple[float, float, float]:
@@ -44,6 +44,14 @@ def fill_odometry(message: Any, pose: Pose, frame_id: str, base_frame: str) -> N
     message.pose.pose.position.x, message.pose.pose.position.y = map(float, pose.position)
     message.pose.pose.orientation.z = math.sin(pose.heading_rad / 2)
     message.pose.pose.orientation.w = math.cos(pose.heading_rad / 2)
+
+
+def fill_orientation(orientation: Any, heading_rad: float, attitude: Attitude) -> None:
+    """Write a heading and an attitude into a geometry_msgs/Quaternion."""
+    halves = (attitude.roll_rad / 2, attitude.pitch_rad / 2, heading_rad / 2)
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(half), math.sin(half)) for half in halves)
+    orientation.x, orientation.y = sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy
+    orientation.z, orientation.w = cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
 
 
 def fill_transform(transform: Any, odometry: Any, odom_frame: str, base_frame: str) -> None:

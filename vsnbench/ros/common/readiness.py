@@ -111,6 +111,11 @@ class Readiness(ABC):
             if names.tf and self._publishers(names.odometry_topic) and (fault := self.odometry_fault()):
                 return RobotError(fault, advice=TF_ADVICE, code="no-tf-odometry")
             return self._silence("odometry", names.odometry_topic, "the driver of the base")
+        if names.attitude is not None:
+            if now.attitude_fault:
+                raise RobotError(now.attitude_fault, code="no-attitude")
+            if not now.attitudes or now_s - now.attitudes[-1].arrival_s > AGE_LIMIT_S:
+                return self._silence("attitude", names.attitude.topic, "the driver of the IMU")
         for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
             if topic and (not images or now_s - images[-1].arrival_s > AGE_LIMIT_S):
                 return self._silence("image", topic, "the driver of the camera")

@@ -7,13 +7,13 @@ from typing import Any
 import numpy.typing as npt
 
 from vsnbench.ros.common.interface import OdometryFrames, RosInterface
-from vsnbench.ros.common.messages import command_of
+from vsnbench.ros.common.messages import command_of, fill_orientation
 from vsnbench.ros.common.node import NodeTask
 from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.simulator.dynamics.simulated_base import Contact
 from vsnbench.simulator.robot_player import CameraImages, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 NODE = "simulated_robot"
@@ -89,9 +89,11 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
         """Take a geometry_msgs/Twist."""
         self.player.set_command(command_of(twist))
 
-    def publish_odometry(self, pose: Pose, stamp_s: float) -> None:
+    def publish_odometry(self, pose: Pose, stamp_s: float, attitude: Attitude) -> None:
         """Publish the odometry."""
         message = self._odometry_message(pose, stamp_s, "odom")
+        if attitude != LEVEL:
+            fill_orientation(message.pose.pose.orientation, pose.heading_rad, attitude)
         self._odometry.publish(self._tf_message(message, self.names.tf) if self.names.tf else message)
 
     def publish_truth(self, pose: Pose, stamp_s: float) -> None:

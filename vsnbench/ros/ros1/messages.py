@@ -13,7 +13,7 @@ import genpy
 from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import Bool, Header, String
 
 from vsnbench.control.command import Command
@@ -287,7 +287,7 @@ class TFMessage(DefinedMessage):
     _full_text = "geometry_msgs/TransformStamped[] transforms\n"
 
 
-_STANDARD = (BatteryState, Bool, CameraInfo, Clock, CompressedImage, Image, Odometry, String)
+_STANDARD = (BatteryState, Bool, CameraInfo, Clock, CompressedImage, Image, Imu, Odometry, String)
 MESSAGE_CLASSES: dict[str, Any] = {
     message_class._type: message_class  # noqa: SLF001
     for message_class in (*_STANDARD, BumperEvent, CliffEvent, SensorState, TFMessage, WheelDropEvent)

@@ -64,7 +64,7 @@ class Ros1Link(RobotLink):
         self._readiness = Ros1Readiness(
             names, self.snapshot, lambda: self.odometry.fault, profile, self.master, self.discrete_move
         )
-        self.odometry = Ros1Odometry(names, self._on_odometry)
+        self.odometry = Ros1Odometry(names, self._on_odometry, take_attitude=self._reports.take_attitude)
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         self._subscribe_camera()
         subscribe_hazards(names.hazard_topics, self._reports.take_hazard)

@@ -6,8 +6,9 @@ from typing import Any
 
 import rospy
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
 
-from vsnbench.ros.common.odometry import OdometryReader, TakeOdometry
+from vsnbench.ros.common.odometry import OdometryReader, TakeAttitude, TakeOdometry
 from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.ros.ros1.messages import MESSAGE_CLASSES, TFMessage
@@ -19,8 +20,14 @@ _TF_QUEUE = 100
 class Ros1Odometry(OdometryReader[str]):
     """Passes the odometry of a base to `take`, with the name of the sending node."""
 
-    def __init__(self, names: Ros1Interface, take: TakeOdometry[str], queue_size: int = 20) -> None:
-        super().__init__(names, take)
+    def __init__(
+        self,
+        names: Ros1Interface,
+        take: TakeOdometry[str],
+        queue_size: int = 20,
+        take_attitude: TakeAttitude | None = None,
+    ) -> None:
+        super().__init__(names, take, take_attitude)
         if names.tf is None:
             topics = [(names.odometry, Odometry, self._on_odometry, queue_size)]
         else:
@@ -28,6 +35,8 @@ class Ros1Odometry(OdometryReader[str]):
                 (names.tf.static_topic, TFMessage, self.take_fixed_links, _TF_QUEUE),
                 (names.tf.topic, TFMessage, self._on_links, _TF_QUEUE),
             ]
+        if self.imu:
+            topics.append((self.imu, Imu, self.take_imu, queue_size))
         for topic, kind, take_message, size in topics:
             rospy.Subscriber(topic, kind, take_message, queue_size=size, tcp_nodelay=True)
 

@@ -86,6 +86,8 @@ class Ros2Interface(RosInterface):
         names: dict[str, Any] = {part: self.resolve(getattr(self, part)) for part in _PARTS}
         if self.tf is not None:
             names["tf"] = self.tf.model_copy(update={"topic": self.resolve(self.tf.topic)})
+        if self.attitude is not None:
+            names["attitude"] = self.attitude.model_copy(update={"topic": self.resolve(self.attitude.topic)})
         return self.model_copy(update=names)
 
 

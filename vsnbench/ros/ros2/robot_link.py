@@ -202,7 +202,7 @@ class Ros2Link(RobotLink):
 
     def _subscribe(self) -> None:
         names = self.names
-        self.odometry = Ros2Odometry(self.node, names, self._on_odometry)
+        self.odometry = Ros2Odometry(self.node, names, self._on_odometry, self._reports.take_attitude)
         self._subscribe_camera()
         self._subscribe_text(names.simulation_topic(ACCOUNT), self._reports.take_account)
         subscribe_hazards(self.node, names, self._on_hazard)

@@ -8,11 +8,11 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, Imu
 
 from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.ros.common.messages import fill_transform
-from vsnbench.ros.common.odometry import OdometryReader, TakeOdometry
+from vsnbench.ros.common.odometry import OdometryReader, TakeAttitude, TakeOdometry
 from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.ros.ros2.graph import Graph
 from vsnbench.ros.ros2.installation import require_tf_message
@@ -34,8 +34,10 @@ class Ros2Odometry(OdometryReader[Any]):
         RobotError: the source is TF, and its message type is not installed.
     """
 
-    def __init__(self, node: Ros2Node, names: Ros2Interface, take: TakeOdometry[Any]) -> None:
-        super().__init__(names, take)
+    def __init__(
+        self, node: Ros2Node, names: Ros2Interface, take: TakeOdometry[Any], take_attitude: TakeAttitude | None = None
+    ) -> None:
+        super().__init__(names, take, take_attitude)
         subscribe = node.rclpy.create_subscription
         if names.tf is None:
             subscribe(Odometry, names.odometry, self.take_odometry, SENSOR_DATA)
@@ -43,6 +45,8 @@ class Ros2Odometry(OdometryReader[Any]):
             kind = require_tf_message()
             subscribe(kind, names.tf.static_topic, self.take_fixed_links, _FIXED)
             subscribe(kind, names.tf.topic, self.take_moving_links, _MOVING)
+        if self.imu:
+            subscribe(Imu, self.imu, self.take_imu, SENSOR_DATA)
 
     def _seconds(self, stamp: Any) -> float:
         return seconds(stamp)
@@ -65,6 +69,7 @@ _CLASSES: Mapping[str, Any] = {
     "sensor_msgs/msg/CameraInfo": CameraInfo,
     "sensor_msgs/msg/CompressedImage": CompressedImage,
     "sensor_msgs/msg/BatteryState": BatteryState,
+    "sensor_msgs/msg/Imu": Imu,
 }
 
 

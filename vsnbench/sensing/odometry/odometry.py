@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -20,6 +20,8 @@ class PlanarReading:
     y_m: float
     heading_rad: float
     stamp_s: float
+    rotation: tuple[float, float, float, float] = field(default=(0.0, 0.0, 0.0, 1.0), compare=False)
+    """Orientation x, y, z, w that has the heading."""
 
 
 @dataclass(frozen=True, slots=True)

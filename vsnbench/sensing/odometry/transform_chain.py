@@ -127,7 +127,7 @@ def pose_of(chain: Iterable[Link], stamp_s: float) -> PlanarReading:
         shift = _rotated(rotation, link.translation_m)
         position = (position[0] + shift[0], position[1] + shift[1], position[2] + shift[2])
         rotation = _product(rotation, _unit(link.rotation))
-    return PlanarReading(position[0], position[1], heading_of_quaternion(*rotation), stamp_s)
+    return PlanarReading(position[0], position[1], heading_of_quaternion(*rotation), stamp_s, rotation)
 
 
 def frame_of(name: str) -> str:

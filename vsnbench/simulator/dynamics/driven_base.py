@@ -15,12 +15,14 @@ from vsnbench.simulator.dynamics.noise import OdometryDrift, OdometryNoise
 from vsnbench.simulator.dynamics.odometry import WheelOdometry
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Physics, Touch
 from vsnbench.simulator.primitives import Scene
-from vsnbench.values.pose import Pose, advanced
+from vsnbench.values.pose import LEVEL, Attitude, Pose, advanced
 from vsnbench.values.robot_profile import IDEAL_BASE, Base, BaseDynamics
 
 _GAIT_START_S = 0.15
 """Time constant with which the sway of a gait begins and ends."""
 _WALKING_M_S = 0.01
+_WALKS = 0.5
+"""Share of the gait from which a body leaves or takes the attitude in which it rests."""
 
 
 class DrivenBase:
@@ -49,6 +51,8 @@ class DrivenBase:
         self._drift = OdometryDrift(self._noise, rng) if self._noise is not None else None
         self._rng = rng
         self._gait, self._walking, self._sway_m, self._slid_m = 0.0, 0.0, 0.0, 0.0
+        self._rest, self._is_walking = LEVEL, False
+        self._come_to_rest()
         self._rolled = self._measured = self._wheels.pose
         self._drifted_rad = 0.0
 
@@ -103,12 +107,36 @@ class DrivenBase:
             measured.heading_rad + self._drifted_rad + heading_rad * heading,
         )
 
+    @property
+    def attitude(self) -> Attitude:
+        """Roll and pitch of the body: those of its gait, a roll and two pitches per stride, and those at rest."""
+        dynamics, walking = self._dynamics, self._walking
+        if not (dynamics.pitch_deg or dynamics.roll_deg or dynamics.lean_deg):
+            return LEVEL
+        roll_rad = math.radians(dynamics.roll_deg) * math.sin(self._gait)
+        pitch_rad = math.radians(dynamics.pitch_deg) * math.sin(2 * self._gait)
+        rest = self._rest
+        return Attitude(
+            walking * roll_rad + (1 - walking) * rest.roll_rad, walking * pitch_rad + (1 - walking) * rest.pitch_rad
+        )
+
+    def _come_to_rest(self) -> None:
+        """Take a new attitude for the coming rest."""
+        if self._dynamics.lean_deg:
+            roll, pitch = (math.radians(self._dynamics.lean_deg) * self._rng.standard_normal(2)).tolist()
+            self._rest = Attitude(roll, pitch)
+
     def _swayed(self, moving: Command) -> float:
         """Return the sideways motion of the gait in this period, metres to the left."""
-        if not self._dynamics.sway_m:
+        dynamics = self._dynamics
+        if not (dynamics.sway_m or dynamics.pitch_deg or dynamics.roll_deg or dynamics.lean_deg):
             return 0.0
         walks = abs(moving.linear_m_s) + abs(moving.angular_rad_s) + abs(moving.lateral_m_s) > _WALKING_M_S
         self._walking += (walks - self._walking) * CONTROL_PERIOD_S / _GAIT_START_S
+        if self._is_walking != (self._walking > _WALKS):
+            self._is_walking = not self._is_walking
+            if self._is_walking:  # while the attitude at rest has the smaller part
+                self._come_to_rest()
         self._gait += math.tau * self._dynamics.sway_hz * CONTROL_PERIOD_S
         before_m, self._sway_m = self._sway_m, self._dynamics.sway_m * self._walking * math.sin(self._gait)
         return self._sway_m - before_m

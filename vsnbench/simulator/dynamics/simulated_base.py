@@ -16,7 +16,7 @@ from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch
 from vsnbench.simulator.primitives import Scene
 from vsnbench.sites.site import Site
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics, RobotProfile
 
 _FRONT_RAD = math.radians(25)
@@ -59,6 +59,11 @@ class SimulatedBase:
     def pose(self) -> Pose:
         """True pose of the robot in the site's frame."""
         return self._driven.physics.pose
+
+    @property
+    def attitude(self) -> Attitude:
+        """True roll and pitch of the body."""
+        return self._driven.attitude
 
     @property
     def odometry(self) -> Pose:

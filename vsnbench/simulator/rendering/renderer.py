@@ -3,7 +3,7 @@
 import math
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,7 +15,7 @@ from vsnbench.simulator.rendering.light import LightMaps, light_of
 from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
 from vsnbench.simulator.rendering.textures import SKY, texture_atlas
 from vsnbench.values.camera import Camera
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import LEVEL, Attitude, Pose
 
 _NOISE = 0.05
 """Standard deviation of the sensor's noise as a share of the light, before the image is softened."""
@@ -76,11 +76,21 @@ class DepthView:
     """Index of the mesh's face; -1 without a surface."""
 
 
-def eye_of(camera: Camera, pose: Pose) -> Eye:
-    """Return the camera pose of a robot whose base is at `pose`."""
+def eye_of(camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> Eye:
+    """Return the camera pose of a robot whose base is at `pose`, with an attitude."""
+    if attitude != LEVEL:
+        return _eye_on(camera, pose, attitude)
     mount = pose.compose(Pose(camera.mount_forward_m, 0.0))
     tilt_rad, roll_rad = math.radians(camera.tilt_deg), math.radians(camera.roll_deg)
     return Eye(mount.x_m, mount.y_m, camera.mount_height_m, mount.heading_rad, tilt_rad, roll_rad)
+
+
+def _eye_on(camera: Camera, pose: Pose, attitude: Attitude) -> Eye:
+    level, (right, _, forward) = camera.on(attitude), camera.axes(attitude)
+    mount = pose.compose(Pose(level.mount_forward_m, 0.0, math.atan2(forward[1], forward[0])))
+    eye = Eye(mount.x_m, mount.y_m, level.mount_height_m, mount.heading_rad, math.asin(forward[2]))
+    upright = camera_axes(Eye(0.0, 0.0, 0.0, eye.heading_rad - pose.heading_rad, eye.tilt_rad))
+    return replace(eye, roll_rad=math.atan2(float(right @ upright[1]), float(right @ upright[0])))
 
 
 class DepthDrawer:
@@ -147,9 +157,9 @@ class Renderer:
         self._surface = _surface(self._mesh, self._light)
         self._drawer = DepthDrawer(self._mesh)
 
-    def render(self, camera: Camera, pose: Pose) -> Frame:
+    def render(self, camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> Frame:
         """Draw the view of a robot's camera; `pose` is that of the base in the site's frame."""
-        return self.render_from(eye_of(camera, pose), camera.width, camera.height, camera.focal_px)
+        return self.render_from(eye_of(camera, pose, attitude), camera.width, camera.height, camera.focal_px)
 
     def render_from(self, eye: Eye, width: int, height: int, focal_px: float) -> Frame:
         """Draw the view of a pinhole camera at any pose."""
@@ -160,14 +170,14 @@ class Renderer:
         label_pixels(seen, mesh.owner, mesh.instances, instance)
         return Frame(look.rgb, look.depth_m, instance)
 
-    def look(self, camera: Camera, pose: Pose) -> Look:
+    def look(self, camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> Look:
         """Draw the view of a robot's camera without the simulator's labels."""
-        return self._look(eye_of(camera, pose), _centred(camera.width, camera.height, camera.focal_px))[0]
+        return self._look(eye_of(camera, pose, attitude), _centred(camera.width, camera.height, camera.focal_px))[0]
 
-    def measure(self, camera: Camera, pose: Pose) -> npt.NDArray[np.float32]:
+    def measure(self, camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> npt.NDArray[np.float32]:
         """Return only the depth of `look`, (H, W) metres, without shading."""
         pinhole = _centred(camera.width, camera.height, camera.focal_px)
-        return self._drawer.draw(eye_of(camera, pose), pinhole).depth_m
+        return self._drawer.draw(eye_of(camera, pose, attitude), pinhole).depth_m
 
     def _look(self, eye: Eye, pinhole: Pinhole) -> tuple[Look, npt.NDArray[np.int32]]:
         """Return a view and the face index of each pixel."""
