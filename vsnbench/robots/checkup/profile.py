@@ -1,5 +1,6 @@
 """Plausibility of a robot profile: valid values that do not fit together."""
 
+from vsnbench.robots.adapter.interface import AdapterInterface
 from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -33,7 +34,7 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         )
     if camera.depth_min_m >= camera.depth_max_m:
         found.append(f"camera.depth_min_m {camera.depth_min_m:g} is not below depth_max_m {camera.depth_max_m:g}")
-    if profile.interface is not None:
+    if profile.interface is not None and not isinstance(profile.interface, AdapterInterface):
         found += _implausible_interface(profile)
     return found
 

@@ -35,7 +35,7 @@ from vsnbench.sites.site import StartingPosition
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
+from vsnbench.values.movement import ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -88,7 +88,7 @@ class RosRobot(Robot):
             self._link.close()
             raise
         if self._link.can_drive:
-            self.action_kinds = frozenset({ActionKind.DISCRETE}) | DRIVE_KINDS
+            self.action_kinds = self._link.movements | {ActionKind.DISCRETE}
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if self._link.names.depth else set())
