@@ -68,7 +68,12 @@ def outputs(lab: Path) -> dict[str, list[Any]]:
 
 def test_every_command_with_json_has_a_schema_and_every_schema_a_command() -> None:
     commands = set(commands_with_json())
-    assert {path.stem for path in SCHEMAS.glob("*.json")} == {*map(file_of, commands), "headline", "common"}
+    assert {path.stem for path in SCHEMAS.glob("*.json")} == {
+        *map(file_of, commands),
+        "headline",
+        "common",
+        "motion-adapter",
+    }
     assert set(NAMES) | ELSEWHERE.keys() == commands
     page = (SCHEMAS.parent / "json.md").read_text(encoding="utf-8")
     assert set(re.findall(r"\(schemas/([\w-]+)\.json\)", page)) == {path.stem for path in SCHEMAS.glob("*.json")}

@@ -191,7 +191,8 @@ class EpisodeProvenance:
         "settings of the model; keys depend on the model", tables.ModelRow.settings, hidden=True
     )
     robot_kind: str = quantity(
-        "kind of robot: `simulated`, `ros1`, `ros2`, `imported` or the class of a plug-in", tables.RobotRow.kind
+        "kind of robot: `simulated`, `ros1`, `ros2`, `adapter`, `imported` or the class of a plug-in",
+        tables.RobotRow.kind,
     )
     robot_profile: dict[str, Any] = quantity("robot profile as recorded", tables.RobotRow.profile)
     site_sha256: str = quantity("SHA-256 of the site's content", tables.SiteRow.sha256)

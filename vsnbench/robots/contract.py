@@ -58,7 +58,8 @@ class Robot(ABC):
     """What else results depend on, as JSON by name. Trials under other conditions belong to another campaign.
 
     Names in use: `noise` (settings of the simulated noise), `simulator` (its version), `base` (how a simulated base
-    differs from an ideal one), `odometry_rate_hz`, `rate_factor`, `depth_frames`.
+    differs from an ideal one), `odometry_rate_hz`, `rate_factor`, `depth_frames`, `adapter` (name and version of a
+    motion adapter).
     """
 
     action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})

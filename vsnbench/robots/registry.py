@@ -6,8 +6,8 @@ Names on the command line (`--robot`):
 - `simulated:lola2`, `simulated:path/to/profile.yaml`: the same with another profile.
 - `simulated:turtlebot2@256x256`: the same with a camera image of that size, cropped at the centre. The record treats it
   as another robot, because it sees other pixels.
-- `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the robot of that profile over ROS 1 or ROS 2, real or
-  simulated; `turtlebot4@robot1` in a namespace.
+- `turtlebot2`, `lola2`, `turtlebot4`, `path/to/profile.yaml`: the robot of that profile over ROS 1, ROS 2 or a motion
+  adapter, real or simulated; `turtlebot4@robot1` in a namespace.
 - any entry point of the group `vsnbench.robots`, or `package.module:Class`.
 """
 
@@ -18,6 +18,7 @@ from typing import Any
 from vsnbench.errors import RobotError, UsageError, VsnbenchError
 from vsnbench.plugins import import_factory, plug_ins, source_sha256, unknown_name
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.adapter.interface import AdapterInterface
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import embedded_profiles, is_profile, load_profile
 from vsnbench.sites.site import Site
@@ -106,9 +107,7 @@ def open_robot(
             advice="for a rehearsal over ROS, use `vsnbench robots simulate ROBOT --rehearse`",
         )
     if is_profile(name):
-        from vsnbench.robots.ros.robot import RosRobot
-
-        return _checked_site(RosRobot(load_profile(name), parameters), name, site)
+        return _checked_site(_profile_robot(load_profile(name), parameters), name, site)
     return _checked_site(_plug_in_robot(name, site, parameters), name, site)
 
 
@@ -138,6 +137,17 @@ def _simulated_profile(name: str) -> RobotProfile:
             "camera": profile.camera.cut_to(width, height),
         }
     )
+
+
+def _profile_robot(profile: RobotProfile, parameters: ProtocolParameters) -> Robot:
+    """Open the robot of a profile over its interface."""
+    if isinstance(profile.interface, AdapterInterface):
+        from vsnbench.robots.adapter.robot import AdapterRobot
+
+        return AdapterRobot(profile, parameters)
+    from vsnbench.robots.ros.robot import RosRobot
+
+    return RosRobot(profile, parameters)
 
 
 def _checked_site(robot: Robot, name: str, site: Site | None) -> Robot:

@@ -46,8 +46,16 @@ def overshoot(movement: Drive, before: Pose, now: Pose) -> str:
     return ""
 
 
-def contradiction(movement: Drive, before: Pose, after: Pose) -> str:
-    """Return how the odometry contradicts that a movement is done, or an empty string."""
+def contradiction(movement: Drive, before: Pose, after: Pose, miss_m: float | None = None) -> str:
+    """Return how the odometry contradicts that a movement is done, or an empty string.
+
+    Args:
+        movement: the request.
+        before: odometry at the request.
+        after: odometry at rest.
+        miss_m: accepted distance from the end of a movement with parameters, if it is larger than that of our own
+            mover: another program executes it.
+    """
     if isinstance(movement, Move) and movement.holds_heading:
         moved_m, turned_rad = distance_along(before, after), after.heading_rad - before.heading_rad
         error_m, error_rad = abs(moved_m - movement.distance_m), abs(turned_rad - movement.turn_rad)
@@ -61,7 +69,7 @@ def contradiction(movement: Drive, before: Pose, after: Pose) -> str:
     if target is None:
         return overshoot(movement, before, after)
     wanted = before.compose(target)
-    if (off_m := wanted.distance_to(after)) > _MAX_MISS_M:
+    if (off_m := wanted.distance_to(after)) > max(_MAX_MISS_M, miss_m or 0.0):
         return f"the odometry is {off_m * 100:.1f} cm from the requested position"
     if isinstance(movement, Move | Sidestep) or (isinstance(movement, Waypoint) and movement.heading_rad is not None):
         off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))

@@ -16,6 +16,8 @@ ROS1 = "ros1"
 """Kind of a real or simulated robot over ROS 1."""
 ROS2 = "ros2"
 """Kind of a real or simulated robot over ROS 2."""
+ADAPTER = "adapter"
+"""Kind of a real or simulated robot behind a motion adapter."""
 REHEARSAL_KEY = "pretends_to_be_real"
 """Condition of a rehearsal, as records and simulators have it."""
 
@@ -35,7 +37,7 @@ class RobotIdentity:
 
     profile: RobotProfile
     kind: str
-    """`simulated`, `ros1`, `ros2`, or `package.module:Class` of a user's robot."""
+    """`simulated`, `ros1`, `ros2`, `adapter`, or `package.module:Class` of a user's robot."""
     simulated: bool
     site_sha256: str = ""
     """Hash of the site that a simulated robot simulates; empty for a real robot."""

@@ -277,6 +277,8 @@ class RobotProfile(BaseModel):
         if self.interface is not None and self.interface.kind == "ros2":
             # The address of one robot, not a property of its kind.
             content["interface"].pop("namespace", None)
+        if self.interface is not None and self.interface.kind == "adapter":
+            content["interface"].pop("address", None)
         if self.interface is not None and self.interface.kind == "ros1":
             names = content.pop("interface")
             content["ros"] = {name: value for name, value in names.items() if name not in _WITHOUT_EFFECT}

@@ -28,7 +28,8 @@ from tests.models.remote.servers import (
 )
 from vsnbench.errors import ModelError, ModelLostError, UsageError
 from vsnbench.models.registry import create_policy
-from vsnbench.models.remote.connection import MAX_ANSWER_BYTES, Address, Connection, ModelBusyError
+from vsnbench.models.remote.connection import Connection
+from vsnbench.models.remote.peer import MAX_ANSWER_BYTES, Address, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack
 from vsnbench.values.action import Action

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -272,7 +273,7 @@ def test_an_isolated_model_starts_with_a_token_in_the_environment_and_does_not_r
 def test_a_card_that_is_refused_is_not_blamed_on_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "old.py").write_text(HOSTILE.replace('"name"', '"goal_kinds": ["image"], "name"'))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(connection, "WIRE_VERSION", 1)
+    monkeypatch.setattr(connection, "MODEL", replace(connection.MODEL, versions=(2, 1)))
     with pytest.raises(ModelError) as refused:
         IsolatedPolicy("old:Model", {}, Isolation(Path(sys.executable)))
     assert refused.value.code == "refused"

@@ -22,7 +22,7 @@ from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.models.remote.checking import check_server
-from vsnbench.models.remote.connection import ModelBusyError
+from vsnbench.models.remote.peer import ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.serving import ServedBatchPolicy, ServedPolicy, served
 from vsnbench.models.remote.vsnbench_policy import serve

@@ -200,9 +200,10 @@ def _serve_ros1(profile: "RobotProfile", config: Path | None, ros_arguments: lis
 
 def _serve_ros2(profile: "RobotProfile", config: Path | None) -> None:
     from vsnbench.ros.ros2.installation import require_ros2
-    from vsnbench.ros.ros2.interface import ros2_interface
+    from vsnbench.ros.ros2.interface import require_velocities, ros2_interface
 
     names = ros2_interface(profile)
+    require_velocities(names)
     require_ros2()
     from vsnbench.ros.ros2.discrete_move_node import NODE, Ros2DiscreteMove
     from vsnbench.ros.ros2.node import run_node

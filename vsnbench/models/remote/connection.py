@@ -1,7 +1,7 @@
-"""A connection to a model's server over a WebSocket. Every request has a number and a deadline.
+"""A connection to a server of a model, or of another peer, over a WebSocket. Every request has a number and a deadline.
 
-`vsnbench_policy.py` is the server's side; docs/wire.md describes the protocol. The server is untrusted: messages have
-only numbers, strings and bytes, and at most `MAX_ANSWER_BYTES`.
+`vsnbench_policy.py` is the model server's side; docs/wire.md describes the protocol. The server is untrusted: messages
+have only numbers, strings and bytes, and at most `Peer.max_bytes`.
 """
 
 import contextlib
@@ -11,19 +11,11 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
-from urllib.parse import urlsplit
+from typing import TYPE_CHECKING, Any
 
-from vsnbench.errors import ModelError, ModelLostError, UsageError
-from vsnbench.models.remote.vsnbench_policy import (
-    OLDEST_WIRE_VERSION,
-    TOKEN_VARIABLE,
-    WIRE_VERSION,
-    WireError,
-    is_loopback,
-    pack,
-    unpack,
-)
+from vsnbench.errors import VsnbenchError
+from vsnbench.models.remote.peer import MODEL, Address, Peer
+from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE, WireError, pack, unpack
 from vsnbench.text.sanitize import error_line, sanitize
 
 if TYPE_CHECKING:
@@ -31,65 +23,13 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-MAX_ANSWER_BYTES = 8 * 2**20
-"""An answer has an action and diagnostics; the largest of a built-in model, VLV's map, has 40 kB."""
 CONNECT_TIMEOUT_S = 5.0
-_REPLACE_STUB = "replace its vsnbench_policy.py: `vsnbench models serve --write-stub DIR`"
-"""Advice for a server of another version of the protocol."""
 _MAX_LATE_ANSWERS = 100
+_TOO_BIG = 1009
+"""Code with which a connection is closed whose message is too large (RFC 6455, section 7.4.1)."""
 _FRAGMENT_BYTES = 120 * 2**10
 """Size of the fragments of a request. The server reads a fragment while the next is masked, and fragments are below the
 size from which malloc asks the kernel for new pages. They halve the duration of a round trip of 2.1 MB."""
-
-
-class ModelBusyError(ModelError):
-    """Another client uses the model."""
-
-    code = "model-busy"
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Address of a model's server: `ws://host:port`, `wss://host:port`, or a local socket file."""
-
-    url: str
-    """For a socket file, the name of the model."""
-    unix_path: str = ""
-
-    @classmethod
-    def parse(cls, url: str, token: str) -> Self:
-        """Parse an address.
-
-        Raises:
-            UsageError: the address is invalid, or is that of another machine and there is no token.
-        """
-        try:
-            parts = urlsplit(url)
-            port = parts.port
-        except ValueError as error:
-            raise UsageError(f"model {url}: {error}", advice="write ws://host:port", code="invalid-address") from error
-        if parts.scheme not in ("ws", "wss") or not parts.hostname or port is None:
-            raise UsageError(
-                f"invalid model address {url}",
-                advice="write ws://host:port, for example ws://gpu-box:8765",
-                code="invalid-address",
-            )
-        if parts.username or parts.password or parts.query or parts.fragment:
-            raise UsageError(
-                f"model address ws://{parts.hostname}:{port} has more than host and port",
-                advice=f"put the token in ${TOKEN_VARIABLE}",
-                code="invalid-address",
-            )
-        if parts.scheme == "ws" and not token and not is_loopback(parts.hostname):
-            raise UsageError(
-                f"model {url} is on another machine and there is no token",
-                advice=f"set ${TOKEN_VARIABLE} on both sides, and use wss:// on a shared network",
-                code="no-token",
-            )
-        return cls(url)
-
-    def __str__(self) -> str:
-        return self.url
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +45,12 @@ class ServerAnswer:
 class Connection:
     """An open connection. Not thread-safe.
 
-    `greeting` is the server's first message, with the model's card.
+    `greeting` is the server's first message, with the peer's card. Errors are those of the peer: of a model ModelError,
+    ModelLostError and ModelBusyError.
     """
 
-    def __init__(self, address: Address, token: str, client: str) -> None:
-        """Connect and exchange the first messages.
+    def __init__(self, address: Address, token: str, client: str, peer: Peer | None = None) -> None:
+        """Connect and exchange the first messages; the peer is a model by default.
 
         Raises:
             ModelLostError: no server answers in time.
@@ -117,25 +58,27 @@ class Connection:
             ModelError: the server is not that of a model, has another protocol version, or refuses.
         """
         self.address = address
+        self.peer = peer or MODEL
         self._number = 0
-        self._socket = _open(address)
+        self._closed = False
+        self._socket = _open(address, self.peer)
         try:
-            versions = {"wire": OLDEST_WIRE_VERSION, "newest_wire": WIRE_VERSION}
+            versions = {"wire": self.peer.versions[0], "newest_wire": self.peer.versions[1]}
             hello = {"type": "hello", **versions, "token": token, "client": client}
             with self._deadline(CONNECT_TIMEOUT_S, "hello"):
                 self._socket.send(pack(hello))
                 self.greeting = self._received(self._socket.recv(timeout=CONNECT_TIMEOUT_S))
         except TimeoutError as error:
             self.close()
-            raise ModelError(
+            raise self.peer.failed(
                 f"the server at {address} sent no greeting within {CONNECT_TIMEOUT_S:g} s",
-                advice="is it a model's server?",
-                code="not-a-model-server",
+                advice=_is_it(self.peer),
+                code=_not_a_server(self.peer),
             ) from error
         except BaseException:
             self.close()
             raise
-        _check_greeting(self.greeting, address)
+        _check_greeting(self.greeting, address, self.peer)
 
     def ask(self, request: Mapping[str, Any], timeout_s: float) -> ServerAnswer:
         """Send a request and return its answer. Answers to older requests are dropped.
@@ -163,7 +106,7 @@ class Connection:
                 raise self._flood()
         except TimeoutError as error:
             self.close()
-            raise ModelLostError(
+            raise self.peer.lost(
                 f"{what}: no answer from {self.address} within {timeout_s:g} s", code="no-answer"
             ) from error
         except BaseException:
@@ -187,8 +130,8 @@ class Connection:
         """Refuse an answer that arrived before its request was sent."""
         for received in early:
             if self._answered(self._received(received)) == self._number:
-                raise ModelError(
-                    f"the model at {self.address} answered request {self._number} before it was sent",
+                raise self.peer.failed(
+                    f"the {self.peer.noun} at {self.address} answered request {self._number} before it was sent",
                     code="invalid-answer",
                 )
         if len(early) > _MAX_LATE_ANSWERS:
@@ -198,16 +141,24 @@ class Connection:
         """Return the number of the request that a message answers: this one or an older one."""
         number = message.get("seq")
         if isinstance(number, bool) or not isinstance(number, int) or number > self._number:
-            raise ModelError(
-                f"the model at {self.address} answered request {number!r:.20}, which was not sent",
+            raise self.peer.failed(
+                f"the {self.peer.noun} at {self.address} answered request {number!r:.20}, which was not sent",
                 code="invalid-answer",
             )
         if number < self._number:
-            logger.warning("the model at %s answered request %d too late; the answer is dropped", self.address, number)
+            at = f"{self.peer.noun} at {self.address}"
+            logger.warning("the %s answered request %d too late; the answer is dropped", at, number)
         return number
 
-    def _flood(self) -> ModelError:
-        return ModelError(f"the model at {self.address} sends too many old answers", code="invalid-answer")
+    def _flood(self) -> VsnbenchError:
+        return self.peer.failed(
+            f"the {self.peer.noun} at {self.address} sends too many old answers", code="invalid-answer"
+        )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether this side has not closed the connection, nor found it broken."""
+        return not self._closed
 
     def close(self) -> None:
         """Close the connection, with a last message if it can be sent at once."""
@@ -219,8 +170,8 @@ class Connection:
         try:
             message: Mapping[str, Any] = unpack(content)
         except WireError as error:
-            raise ModelError(
-                f"the model at {self.address} sent an invalid message: {error}", code="invalid-message"
+            raise self.peer.failed(
+                f"the {self.peer.noun} at {self.address} sent an invalid message: {error}", code="invalid-message"
             ) from error
         return message
 
@@ -245,27 +196,45 @@ class Connection:
                 raise
             if passed.is_set():
                 raise TimeoutError from error
-            raise ModelLostError(
-                f"{what}: the connection to {self.address} broke: {error_line(error, named=False)}",
+            reason = f"the connection to {self.address} broke: {error_line(error, named=False)}"
+            if getattr(getattr(error, "sent", None), "code", 0) == _TOO_BIG:
+                reason = (
+                    f"the {self.peer.noun} at {self.address} sent more than {self.peer.max_bytes} bytes in a message"
+                )
+            raise self.peer.lost(
+                f"{what}: {reason}",
                 code="connection-lost",
             ) from error
         finally:
             timer.cancel()
 
     def _break(self) -> None:
+        self._closed = True
         with contextlib.suppress(OSError):
             self._socket.socket.shutdown(socket.SHUT_RDWR)
         with contextlib.suppress(OSError):
             self._socket.socket.close()
 
 
-def _open(address: Address) -> "ClientConnection":
+def _a(peer: Peer) -> str:
+    return f"{'an' if peer.noun[0] in 'aeiou' else 'a'} {peer.noun}"
+
+
+def _is_it(peer: Peer) -> str:
+    return f"is it {_a(peer)}'s server?"
+
+
+def _not_a_server(peer: Peer) -> str:
+    return f"not-a-{peer.noun}-server"
+
+
+def _open(address: Address, peer: Peer) -> "ClientConnection":
     from websockets.exceptions import ConnectionClosed, WebSocketException
     from websockets.sync.client import connect, unix_connect
 
     options: dict[str, Any] = {
         "compression": None,
-        "max_size": MAX_ANSWER_BYTES,
+        "max_size": peer.max_bytes,
         "open_timeout": CONNECT_TIMEOUT_S,
         "close_timeout": 1.0,
         "ping_interval": None,
@@ -279,49 +248,47 @@ def _open(address: Address) -> "ClientConnection":
             opened = connect(address.url, **options)
     except (WebSocketException, EOFError) as error:
         if isinstance(error, EOFError | ConnectionClosed) or isinstance(error.__cause__, EOFError | OSError):
-            raise ModelLostError(
+            raise peer.lost(
                 f"the server at {address} closed the connection at once",
-                advice="is it a model's server?",
-                code="not-a-model-server",
+                advice=_is_it(peer),
+                code=_not_a_server(peer),
             ) from error
-        raise ModelError(
-            f"the server at {address} is not a model's server: {error_line(error, named=False)}",
-            code="not-a-model-server",
+        raise peer.failed(
+            f"the server at {address} is not {_a(peer)}'s server: {error_line(error, named=False)}",
+            code=_not_a_server(peer),
         ) from error
     except TimeoutError as error:
-        raise ModelLostError(
+        raise peer.lost(
             f"no answer from {address} within {CONNECT_TIMEOUT_S:g} s",
-            advice="is the model's server running?",
+            advice=f"is the {peer.noun}'s server running?",
             code="no-server",
         ) from error
     except OSError as error:
-        raise ModelLostError(
-            f"no model at {address}: {error.strerror or error_line(error, named=False)}",
-            advice="start its server (`vsnbench models serve …` or vsnbench_policy.py), and check host and port",
+        raise peer.lost(
+            f"no {peer.noun} at {address}: {error.strerror or error_line(error, named=False)}",
+            advice=peer.start,
             code="no-server",
         ) from error
     found: ClientConnection = opened
     return found
 
 
-def _check_greeting(greeting: Mapping[str, Any], address: Address) -> None:
+def _check_greeting(greeting: Mapping[str, Any], address: Address, peer: Peer) -> None:
     """Raise an error unless the server sent its card in a version of the protocol that this client knows."""
     if greeting.get("type") == "error":
-        statement = f"the model at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
+        statement = f"the {peer.noun} at {address} refuses: {sanitize(str(greeting.get('message'))[:200])}"
         if greeting.get("code") == "busy":
-            raise ModelBusyError(statement, advice="end the other run, or serve the model on another port")
+            raise peer.busy(statement, advice=f"end the other run, or serve the {peer.noun} on another port")
         if greeting.get("code") == "token":
             advice = f"set ${TOKEN_VARIABLE} to the token of the server"
-            raise ModelError(statement, advice=advice, code="wrong-token")
-        raise ModelError(statement, code="refused")
+            raise peer.failed(statement, advice=advice, code="wrong-token")
+        raise peer.failed(statement, code="refused")
     if greeting.get("type") != "card":
-        raise ModelError(
-            f"the model at {address} sent no card", advice="is it a model's server?", code="not-a-model-server"
-        )
+        raise peer.failed(f"the {peer.noun} at {address} sent no card", advice=_is_it(peer), code=_not_a_server(peer))
     version: Any = greeting.get("wire")
-    if isinstance(version, bool) or version not in range(OLDEST_WIRE_VERSION, WIRE_VERSION + 1):
-        raise ModelError(
-            f"the model at {address} uses version {version!r:.20} of the protocol, not {WIRE_VERSION}",
-            advice=_REPLACE_STUB,
+    if isinstance(version, bool) or version not in range(peer.versions[0], peer.versions[1] + 1):
+        raise peer.failed(
+            f"the {peer.noun} at {address} uses version {version!r:.20} of the protocol, not {peer.versions[1]}",
+            advice=peer.replace,
             code="wrong-protocol-version",
         )

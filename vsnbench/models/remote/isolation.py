@@ -28,7 +28,8 @@ from vsnbench.files.home import expanded
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.models.names import is_address
 from vsnbench.models.remote import vsnbench_policy
-from vsnbench.models.remote.connection import Connection, ModelBusyError, ServerAnswer
+from vsnbench.models.remote.connection import Connection, ServerAnswer
+from vsnbench.models.remote.peer import ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.runtime.child_process import command_that_ends_with_parent, hide_memory
 from vsnbench.runtime.hide_files import can_hide_files, command_without

@@ -14,7 +14,8 @@ from vsnbench import __version__
 from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of
-from vsnbench.models.remote.connection import Address, Connection, ModelBusyError, ServerAnswer
+from vsnbench.models.remote.connection import Connection, ServerAnswer
+from vsnbench.models.remote.peer import Address, ModelBusyError
 from vsnbench.models.remote.reset_message import reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task

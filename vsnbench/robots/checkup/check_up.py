@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+from vsnbench.robots.adapter.interface import AdapterInterface
+from vsnbench.robots.checkup.adapters.socket import AdapterCheckup
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.checkup.ros1 import Ros1Checkup
 from vsnbench.robots.checkup.ros2 import Ros2Checkup
@@ -20,5 +22,7 @@ def check_up(profile: RobotProfile, *, move: bool = False) -> Iterator[CheckResu
     Raises:
         RobotError: the profile has no interface of a known kind.
     """
+    if isinstance(profile.interface, AdapterInterface):
+        return AdapterCheckup(profile).results(move=move)
     checkup = Ros1Checkup(profile) if interface_of(profile).kind == ROS1 else Ros2Checkup(profile)
     return checkup.results(move=move)

@@ -2,6 +2,7 @@
 
 from vsnbench.protocol.depth_evidence import evidence_pixels
 from vsnbench.protocol.parameters import DepthGuard
+from vsnbench.robots.adapter.interface import AdapterInterface
 from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -33,7 +34,8 @@ def implausible_values(profile: RobotProfile) -> list[str]:
             f"camera.mount_forward_m {camera.mount_forward_m:g} is more than {_ARM_M:g} m outside the base's radius "
             f"of {base.radius_m:g} m"
         )
-    has_depth = profile.interface is None or interface_of(profile).depth
+    of_adapter = isinstance(profile.interface, AdapterInterface)
+    has_depth = profile.interface is None or of_adapter or interface_of(profile).depth
     seen = evidence_pixels(camera.without_roll, camera.width, camera.height, base.radius_m, DepthGuard()).pixels
     if has_depth and not seen.any():
         found.append(
@@ -42,7 +44,7 @@ def implausible_values(profile: RobotProfile) -> list[str]:
         )
     if camera.depth_min_m >= camera.depth_max_m:
         found.append(f"camera.depth_min_m {camera.depth_min_m:g} is not below depth_max_m {camera.depth_max_m:g}")
-    if profile.interface is not None:
+    if profile.interface is not None and not of_adapter:
         found += _implausible_interface(profile)
     return found
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
+from vsnbench.robots.checkup.adapters.service import service_results
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics, turn_timeout_s
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -28,7 +29,7 @@ from vsnbench.ros.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
 from vsnbench.ros.ros2.installation import INSTALL, discovery, missing_packages
 from vsnbench.ros.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
-from vsnbench.ros.ros2.readiness import missing_of_mover
+from vsnbench.ros.ros2.readiness import card_of_mover
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
@@ -92,6 +93,8 @@ class Ros2Checkup(RosCheckup):
 
     def _command_results(self) -> Iterator[CheckResult]:
         names, graph = self.names, self.listener.graph
+        if not names.command:
+            return
         subscribers = graph.subscribers(names.command)
         bases = bases_of(subscribers)
         fault = command_fault(names.command, names.command_type, subscribers, VELOCITIES)
@@ -131,7 +134,11 @@ class Ros2Checkup(RosCheckup):
         name, graph = self.names.discrete_move, self.listener.graph
         start = f"vsnbench robots serve {self.profile.argument}"
         if graph.subscribers(f"{name}/question"):
-            yield self._server_result(name, f"restart it: {start}")
+            yield self._server_result(name, f"restart it: {start}" if self.names.command else "restart the adapter")
+            return
+        if not self.names.command:
+            seen = "no motion adapter serves it, and the profile names no topic for velocities"
+            yield CheckResult(name, Health.FAILED, seen, "start the adapter in this domain, or name interface.command")
             return
         seen = "does not run on the robot: vsnbench run steers it over the network"
         yield CheckResult(name, Health.OK, seen, f"on a poor network, run on the robot: {start}")
@@ -141,11 +148,14 @@ class Ros2Checkup(RosCheckup):
 
     def _server_result(self, name: str, advice: str) -> CheckResult:
         try:
-            missing = missing_of_mover(TopicServiceClient(self.listener.node, name), 2.0)
+            card = card_of_mover(TopicServiceClient(self.listener.node, name), 2.0)
         except RobotError as error:
             return CheckResult(name, Health.FAILED, error.statement, advice)
-        if missing:
-            return CheckResult(name, Health.FAILED, f"cannot move the base: {missing}", advice)
+        if card.missing:
+            return CheckResult(name, Health.FAILED, f"cannot move the base: {card.missing}", advice)
+        if card.adapter:
+            named, kinds = " ".join(card.adapter.values()).strip(), ", ".join(sorted(card.movements))
+            return CheckResult(name, Health.OK, f"the motion adapter {named} answers; it executes {kinds}")
         return CheckResult(name, Health.OK, "runs on the robot, and answers")
 
     @contextmanager
@@ -260,7 +270,9 @@ class _TurnTest(TurnTest):
         return {what: self._link.image(image.payload) for what, image in arrived(self._link.snapshot()).items()}
 
     def further_results(self) -> Iterator[CheckResult]:
-        """Measure and store the watchdog of a base that this process steers."""
+        """Measure and store the watchdog of a base that this process steers, or check its motion adapter."""
+        if self._link.adapter:
+            yield from service_results(self._link, self._profile)
         if self._link.steer is not None:
             measured = measure_watchdog(self._link, self._profile)
             store_measurement(measured, self._profile, simulated=self._link.snapshot().simulation is not None)

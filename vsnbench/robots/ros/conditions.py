@@ -10,7 +10,12 @@ from vsnbench.sensing.simulation import ACCOUNT
 from vsnbench.values.robot_identity import SimulationAccount
 from vsnbench.values.robot_profile import RobotProfile
 
-_SERVERS = {"vsnbench": "the server of vsnbench", "another": "another server", "workstation": "this process"}
+_SERVERS = {
+    "vsnbench": "the server of vsnbench",
+    "another": "another server",
+    "adapter": "a motion adapter",
+    "workstation": "this process",
+}
 
 
 def await_account(link: RobotLink, profile: RobotProfile, patience: Patience) -> SimulationAccount:
@@ -38,10 +43,11 @@ def await_account(link: RobotLink, profile: RobotProfile, patience: Patience) ->
 def conditions_of(
     link: RobotLink, profile: RobotProfile, account: SimulationAccount | None, depth_frames: int
 ) -> dict[str, Any]:
-    """Return the conditions by name: depth filter, server of discrete_move, tolerances, simulator."""
+    """Return the conditions by name: depth filter, server of discrete_move, adapter, tolerances, simulator."""
     return {
         "depth_frames": depth_frames,
         "discrete_move": link.server,
+        **({"adapter": dict(link.adapter)} if link.adapter else {}),
         **profile.tolerance_conditions,
         **(account.conditions if account else {}),
     }
@@ -67,5 +73,12 @@ def require_same_conditions(link: RobotLink, account: SimulationAccount | None, 
             f"{link.names.discrete_move} is now offered by {_SERVERS[served]}, and was offered by "
             f"{_SERVERS[conditions['discrete_move']]} when this session began",
             advice="restart the session, which begins another campaign, or start the former server",
+            code="server-changed",
+        )
+    if (adapter := dict(link.adapter)) != conditions.get("adapter", {}):
+        raise RobotError(
+            f"{link.names.discrete_move} is now offered by the adapter {' '.join(adapter.values())}, another one than "
+            "when this session began",
+            advice="restart the session, which begins another campaign, or start the former adapter",
             code="server-changed",
         )

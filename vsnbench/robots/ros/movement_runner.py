@@ -36,6 +36,7 @@ _UNDRIVEN_S = 0.2
 """Longest period between the velocities of a driving server."""
 _LONGEST_PAUSE_S = 0.6
 """After a longer pause between two checks, this process was stopped or starved: it heard nothing meanwhile."""
+_ANSWERED_FALSE = "discrete_move answered False"
 _LAST_HOLD_S = 10.0
 """Longest time for which the base is held against another driving node at the end of the session."""
 
@@ -109,7 +110,8 @@ class MovementRunner:
             self._force_standstill()
         self._moving = False
         if not failure and not blocked and not answered:
-            failure = outcome.failure if outcome and outcome.failure else "discrete_move answered False"
+            blocked = outcome.blocked if outcome else ""
+            failure = outcome.failure if outcome and outcome.failure else "" if blocked else _ANSWERED_FALSE
             sensor_lost = outcome is not None and outcome.sensor_lost
         after = before
         try:
@@ -118,7 +120,7 @@ class MovementRunner:
             failure, sensor_lost = failure or str(error), sensor_lost or not failure
         if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry_topic, time.monotonic())):
             failure = f"{rivals} ({failure})"
-        collision = self._collision()
+        collision = self._collision() or (outcome.collision if outcome else None)
         if not failure and not blocked and (contradicted := contradiction(movement, before, after)):
             failure = f"discrete_move answered True to {movement_text(movement)}, but {contradicted}"
         return self._measured(
@@ -205,6 +207,8 @@ class MovementRunner:
         self._last_pose = pose
         if looks is not None:
             looks.look(now, remaining_m(self._movement, before, pose))
+        if not link.names.command:
+            return  # a motion adapter steers, by other means than velocities on a topic
         unsteered_s = time.monotonic() - max(now.steered_s, self._requested_s)
         if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nothing steers: stop the base, whatever its last command was.

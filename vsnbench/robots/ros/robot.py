@@ -88,7 +88,8 @@ class RosRobot(Robot):
             self._link.close()
             raise
         if self._link.can_drive:
-            self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
+            kinds = self._link.movements if self._link.adapter else profile.drive_kinds
+            self.action_kinds = frozenset({ActionKind.DISCRETE}) | kinds
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if self._link.names.depth else set())

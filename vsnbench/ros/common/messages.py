@@ -1,7 +1,6 @@
 """Conversion of values to and from the fields of ROS messages that ROS 1 and ROS 2 share."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,12 +107,3 @@ _REPORTED = ("completed", "failure", "corrections", "duration_s", "sensor_lost")
 def result_to_json(result: MotionResult) -> dict[str, Any]:
     """Return what the mover reports of a movement, as JSON values."""
     return {name: getattr(result, name) for name in _REPORTED}
-
-
-def result_of_json(content: Mapping[str, Any]) -> MotionResult:
-    """Return the result of `result_to_json`.
-
-    Raises:
-        KeyError: the content is that of another version of vsnbench.
-    """
-    return MotionResult(**{name: content[name] for name in _REPORTED})

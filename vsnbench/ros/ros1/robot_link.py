@@ -12,7 +12,6 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from vsnbench.control.command import Command
-from vsnbench.ros.common.messages import result_of_json
 from vsnbench.ros.common.robot_link import RobotLink, placement_seed
 from vsnbench.ros.ros1.battery import subscribe_battery
 from vsnbench.ros.ros1.hazard_events import subscribe_hazards, subscribe_states
@@ -32,6 +31,7 @@ from vsnbench.ros.ros1.service_words import words_of
 from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
+from vsnbench.values.encoding.motion_answer import result_of_answer
 from vsnbench.values.movement import Drive, movement_to_json
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ROS1
@@ -172,4 +172,4 @@ class Ros1Link(RobotLink):
             self._take_command(message, node, rival=node not in self._readiness.steering)
 
     def _on_outcome(self, message: Any) -> None:
-        self._reports.take_outcome(result_of_json(json.loads(message.data)))
+        self._reports.take_outcome(result_of_answer(json.loads(message.data)))

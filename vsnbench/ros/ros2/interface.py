@@ -32,7 +32,9 @@ class Ros2Interface(RosInterface):
 
     kind: Literal["ros2"]
     namespace: RosName = Field(default="", description="namespace of this robot; not part of the profile's hash")
-    command: RosName = Field(default="cmd_vel", min_length=1)
+    command: RosName = Field(
+        default="cmd_vel", description="velocities; empty for a robot that only a motion adapter at discrete_move moves"
+    )
     command_type: Literal["", "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"] = Field(
         default="", description="type of velocities; empty for the type to which the base subscribes"
     )
@@ -104,6 +106,20 @@ def ros2_interface(profile: RobotProfile) -> Ros2Interface:
         RobotError: the profile has another interface or none.
     """
     return require_interface(profile, "ros2", Ros2Interface, "turtlebot4")
+
+
+def require_velocities(names: Ros2Interface) -> None:
+    """Make sure that velocities move the robot.
+
+    Raises:
+        RobotError: the profile leaves its movements to a motion adapter.
+    """
+    if not names.command:
+        raise RobotError(
+            f"the profile names no topic for velocities: a motion adapter serves {names.discrete_move}",
+            advice="start the adapter, or name interface.command",
+            code="no-velocities",
+        )
 
 
 def in_namespace(profile: RobotProfile, namespace: str) -> RobotProfile:

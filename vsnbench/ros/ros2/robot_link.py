@@ -15,7 +15,6 @@ from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.discrete_move_settings import motion_settings
 from vsnbench.errors import NoAnswerError, RobotError
 from vsnbench.ros.common.discrete_move import mover_of
-from vsnbench.ros.common.messages import result_of_json
 from vsnbench.ros.common.robot_link import RobotLink, placement_seed
 from vsnbench.ros.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros.ros2.graph import Graph
@@ -23,21 +22,22 @@ from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.ros.ros2.messages import CompressedBytes, image_of_serialized, seconds, stamp_of_serialized
 from vsnbench.ros.ros2.node import LATCHED, SENSOR_DATA, Ros2Node
-from vsnbench.ros.ros2.readiness import Ros2Readiness, missing_of_mover
+from vsnbench.ros.ros2.readiness import Ros2Readiness, card_of_mover
 from vsnbench.ros.ros2.subscriptions import Ros2Odometry
-from vsnbench.ros.ros2.topic_service import TopicServiceClient
+from vsnbench.ros.ros2.topic_service import ANSWER_S, TopicServiceClient
 from vsnbench.ros.ros2.velocities import Velocities
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.battery import Battery
+from vsnbench.values.encoding.motion_answer import result_of_answer
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Drive, movement_to_json
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ROS2
 from vsnbench.values.robot_profile import RobotProfile
 
-_ON_ROBOT, _WORKSTATION = "vsnbench", "workstation"
+_ON_ROBOT, _ADAPTER, _WORKSTATION = "vsnbench", "adapter", "workstation"
 """Values of `RobotLink.server`."""
 
 
@@ -81,7 +81,7 @@ class Ros2Link(RobotLink):
 
     @property
     def server(self) -> str:
-        """What executes movements: `vsnbench`, the node on the robot, or `workstation`, this process."""
+        """What executes movements: `vsnbench`, the node on the robot; an `adapter`; or `workstation`, this process."""
         return self._server
 
     @property
@@ -121,7 +121,7 @@ class Ros2Link(RobotLink):
             NoAnswerError: the node on the robot does not answer in time.
         """
         self._reports.take_outcome(None)
-        if self._server == _ON_ROBOT:
+        if self._server in (_ON_ROBOT, _ADAPTER):
             result = self._ask_robot(movement, timeout_s, watch)
         else:
             result = self._mover.drive(movement, _never_gone(watch), timeout_s)
@@ -129,14 +129,15 @@ class Ros2Link(RobotLink):
         return result.completed
 
     def _ask_robot(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None) -> MotionResult:
-        request = {"request": "drive", "movement": movement_to_json(movement)}
+        deadline_s = max(timeout_s - ANSWER_S, timeout_s / 2)
+        request = {"request": "drive", "movement": movement_to_json(movement), "deadline_s": deadline_s}
         answer = self._discrete_move.call(request, timeout_s, watch)
         try:
-            return result_of_json(answer)
-        except KeyError as error:
+            return result_of_answer(answer)
+        except ValueError as error:
             raise NoAnswerError(
-                f"{self.names.discrete_move} runs another version of vsnbench",
-                advice="run the same version on both machines",
+                f"the answer of {self.names.discrete_move} cannot be read: {error}",
+                advice="run the same version of vsnbench on both machines, or correct the adapter",
                 code="version-mismatch",
             ) from error
 
@@ -149,7 +150,7 @@ class Ros2Link(RobotLink):
     def begin_episode(self, timeout_s: float) -> None:
         """Reset the held heading of the mover."""
         self._mover.forget_heading()
-        if self._server == _ON_ROBOT:
+        if self._server in (_ON_ROBOT, _ADAPTER):
             self._discrete_move.call({"request": "reset"}, timeout_s)
 
     def choose_server(self) -> RobotError | None:
@@ -158,19 +159,26 @@ class Ros2Link(RobotLink):
         A discrete_move node on the graph has to answer, and to have found the base.
         """
         expected = bool(self.graph.subscribers(f"{self.names.discrete_move}/question"))
+        if not self.names.command and not (expected or self._server):
+            return RobotError(
+                f"no motion adapter serves {self.names.discrete_move}, and the profile names no topic for velocities",
+                advice="start the adapter in this domain, or name interface.command",
+                code="no-adapter",
+            )
         if self._server == _WORKSTATION or not (expected or self._server):
             self._server = _WORKSTATION
             return None
         try:
-            missing = missing_of_mover(self._discrete_move, 1.0)
+            card = card_of_mover(self._discrete_move, 1.0)
         except NoAnswerError as error:
-            start = f"(vsnbench robots serve {self.profile.argument})"
+            start = f"(vsnbench robots serve {self.profile.argument})" if self.names.command else ""
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
-        if missing:
+        if card.missing:
             return RobotError(
-                f"{self.names.discrete_move} cannot move the base: {missing}", code="discrete-move-not-ready"
+                f"{self.names.discrete_move} cannot move the base: {card.missing}", code="discrete-move-not-ready"
             )
-        self._server = _ON_ROBOT
+        self.adapter, self.movements = card.adapter, card.movements
+        self._server = _ADAPTER if card.adapter else _ON_ROBOT
         return None
 
     def _subscribe_image(self, topic: str, field: str, capacity: int) -> None:

@@ -34,6 +34,8 @@ from vsnbench.values.robot_profile import RobotProfile
 
 __all__ = ["NODE", "Ros2SimulatedRobot"]
 
+_COMMAND = "cmd_vel"
+"""Topic of velocities for the adapter of a profile that names none."""
 _CLASSES: dict[str, Any] = {
     "nav_msgs/Odometry": Odometry,
     "sensor_msgs/CameraInfo": CameraInfo,
@@ -58,7 +60,8 @@ class Ros2SimulatedRobot(SimulatedRobotTask):
         self._battery = node.create_publisher(BatteryState, names.battery, SENSOR_DATA) if names.battery else None
         self._clock = node.create_publisher(Clock, "/clock", SENSOR_DATA) if self.options.rate_factor != 1 else None
         kind = COMMAND_CLASSES[names.command_type or TWIST]
-        node.create_subscription(kind, names.command, self._on_command, SENSOR_DATA)
+        topic = names.command or names.resolve(_COMMAND)
+        node.create_subscription(kind, topic, self._on_command, SENSOR_DATA)
         self._placement = TopicServiceServer(self._node, names.simulation_topic(PLACE), self._put_down)
 
     def _publisher(self, topic: str, kind: str, *, queue_size: int = 10, latched: bool = False) -> Any:  # noqa: ARG002

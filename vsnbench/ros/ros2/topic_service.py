@@ -21,6 +21,8 @@ logger = logging.getLogger(__name__)
 
 GONE_S = 0.6
 """A client that has not repeated its request for this long is gone."""
+ANSWER_S = 2.0
+"""Time for an answer after the deadline of a movement."""
 _REPEAT_S = 0.1
 _MAX_LENGTH = 20_000
 _REMEMBERED = 64

@@ -34,7 +34,7 @@ class Velocities:
         self._type = ""
 
     def send(self, command: Command) -> None:
-        """Publish a velocity; does nothing before `connect`."""
+        """Publish a velocity; does nothing before `connect`, and for a robot without velocities."""
         with self._lock:
             if self._publisher is not None:
                 self._sent.append(command)
@@ -43,6 +43,8 @@ class Velocities:
     def connect(self) -> RobotError | None:
         """Connect to the base; returns why no base would move, or None."""
         topic = self._names.command
+        if not topic:
+            return None  # a motion adapter moves the robot
         wanted: str = self._names.command_type
         subscribers = self._graph.subscribers(topic)
         if fault := command_fault(topic, wanted, subscribers, VELOCITIES):

@@ -1,0 +1,42 @@
+"""A robot whose profile names no velocities, driven by the example of an adapter over ROS 2."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.processes import wait_until
+from tests.ros.ros2.graph import HERE, PROFILE, live_graph
+
+pytestmark = pytest.mark.ros2
+EXAMPLE = HERE.parents[2] / "examples" / "motion_adapters" / "ros2_adapter.py"
+ATTEMPTS = 4
+
+
+def profile_with_adapter(directory: Path) -> Path:
+    path = directory / "robot.yaml"
+    adapter = '  kind: ros2\n  command: ""\n  discrete_move: motion_adapter\n'
+    text = PROFILE.read_text(encoding="utf-8").replace("  kind: ros2\n", adapter)
+    tolerances = "tolerances: {position_m: 0.01, turn_deg: 0.5}\n"
+    path.write_text(text.replace("interface:\n", f"{tolerances}interface:\n"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.long
+def test_doctor_checks_an_adapter_and_misses_one_that_does_not_run(tmp_path: Path) -> None:
+    profile = profile_with_adapter(tmp_path)
+    with live_graph(tmp_path) as graph:
+        robot = graph.start(HERE / "nodes" / "robot.py")
+        wait_until(lambda: "up" in robot.output, "the robot is up")
+        words = ["doctor", "--robot", profile, "--results", tmp_path]
+        without = graph.vsnbench(*words, COLUMNS="200")
+        assert without.wait(120) == 1, without.output
+        assert "no motion adapter serves it" in without.output
+        adapter = graph.start(EXAMPLE)
+        wait_until(lambda: "serving" in adapter.output, "the adapter is up")
+        for _ in range(ATTEMPTS):  # a busy machine delays a base by more than the checks allow
+            done = graph.vsnbench(*words, "--move", COLUMNS="200")
+            if done.wait(120) == 0:
+                break
+        assert done.popen.returncode == 0, done.output
+        for check in ("the motion adapter twist-base 1 answers", "Left 30°", "deadline", "lost client"):
+            assert check in done.output

@@ -1,0 +1,1 @@
+"""Robots that another program moves: the client of docs/motion-adapter.md."""

@@ -1,0 +1,211 @@
+"""Messages of a motion adapter as values. They are untrusted: each is checked here (docs/motion-adapter.md)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import ValidationError
+
+from vsnbench.errors import RobotError
+from vsnbench.models.remote.vsnbench_policy import WireError, beyond_range_of, depth_of, rgb_of
+from vsnbench.sensing.hazards import Hazard
+from vsnbench.values.battery import Battery
+from vsnbench.values.encoding.motion_answer import number_in, result_of_answer, text_in
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import ADAPTER_KINDS, ActionKind
+from vsnbench.values.observation import Sensor
+from vsnbench.values.robot_identity import SimulationAccount
+
+_MOST_NAME = 100
+_MOST_WORDS = 16
+_SENSORS = frozenset({Sensor.RGB, Sensor.DEPTH})
+_Point = tuple[float, float]
+_Planar = tuple[float, float, float]
+
+
+class InvalidAnswerError(RobotError):
+    """An adapter's message breaks the protocol."""
+
+    code = "invalid-answer"
+
+
+@dataclass(frozen=True, slots=True)
+class AdapterCard:
+    """What an adapter states of itself."""
+
+    name: str
+    version: str
+    movements: frozenset[ActionKind]
+    sensors: frozenset[Sensor]
+    simulation: SimulationAccount | None
+
+    @classmethod
+    def of(cls, content: Any) -> "AdapterCard":
+        """Return the card of a message.
+
+        Raises:
+            InvalidAnswerError: it is not a card.
+        """
+        if not isinstance(content, Mapping):
+            raise InvalidAnswerError("the card must be a map")
+        name = _text(content, "name")
+        if not name:
+            raise InvalidAnswerError("the card has no `name`")
+        movements = _words(content, "movements", {kind.value for kind in ADAPTER_KINDS}, ["move"])
+        if ActionKind.MOVE not in movements:
+            raise InvalidAnswerError("the card's `movements` lack `move`, which every adapter executes")
+        sensors = _words(content, "sensors", {sensor.value for sensor in _SENSORS}, ["rgb"])
+        if Sensor.RGB not in sensors:
+            raise InvalidAnswerError("the card's `sensors` lack `rgb`, which every robot has")
+        simulation = content.get("simulation")
+        try:
+            account = None if simulation is None else SimulationAccount.model_validate(simulation)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in ("simulation", *first["loc"]))
+            raise InvalidAnswerError(f"the card's {where}: {first['msg']}") from error
+        return cls(
+            name=name,
+            version=_text(content, "version"),
+            movements=frozenset(map(ActionKind, movements)),
+            sensors=frozenset({Sensor.ODOMETRY, *map(Sensor, sensors)}),
+            simulation=account,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AdapterState:
+    """Odometry and health of a robot at one time."""
+
+    pose: _Planar
+    """Odometry: x, y in metres, heading in radians."""
+    stamp_s: float
+    hazards: tuple[Hazard, ...] = ()
+    rival: str = ""
+    """Who else drives the robot, or an empty string."""
+    battery: Battery | None = None
+    truth: _Planar | None = None
+    """Pose in the site, of a simulated robot."""
+    velocity: _Point | None = None
+    """m/s forward and rad/s, where the adapter states them."""
+    depth_m: npt.NDArray[np.float32] | None = None
+    """(H, W) newest depth image while the robot moves, metres, NaN or infinity where invalid."""
+    depth_stamp_s: float = math.nan
+
+    @classmethod
+    def of(cls, message: Mapping[str, Any]) -> "AdapterState":
+        """Return the state in a `state`, `progress` or `done` message.
+
+        Raises:
+            InvalidAnswerError: it has no odometry, or a key has another type.
+        """
+        hazards = _words(message, "hazards", {hazard.value for hazard in Hazard}, [])
+        truth, velocity = message.get("truth"), message.get("velocity")
+        stamp_s = stamp_in(message)
+        state = cls(
+            pose=_planar(message.get("pose"), "pose"),
+            stamp_s=stamp_s,
+            hazards=tuple(map(Hazard, hazards)),
+            rival=_text(message, "rival"),
+            battery=_battery(message.get("battery")),
+            truth=None if truth is None else _planar(truth, "truth"),
+            velocity=None if velocity is None else _two(velocity, "velocity"),
+        )
+        if message.get("depth") is None:
+            return state
+        depth_m, _ = depth_in(message)
+        return replace(state, depth_m=depth_m, depth_stamp_s=stamp_in(message, "depth_stamp_s", stamp_s))
+
+
+def result_in(message: Mapping[str, Any], *, simulated: bool) -> MotionResult:
+    """Return what a `done` message reports of a movement; see `result_of_answer`.
+
+    Raises:
+        InvalidAnswerError: it is not an answer.
+    """
+    try:
+        return result_of_answer(message, simulated=simulated)
+    except ValueError as error:
+        raise InvalidAnswerError(str(error)) from error
+
+
+def colours_in(message: Mapping[str, Any]) -> npt.NDArray[np.uint8]:
+    """Return the colours (H, W, 3) of an `observation`.
+
+    Raises:
+        InvalidAnswerError: there are none, or they are not an image.
+    """
+    try:
+        image: npt.NDArray[np.uint8] = rgb_of(message.get("rgb"))
+    except WireError as error:
+        raise InvalidAnswerError(str(error)) from error
+    return image
+
+
+def depth_in(message: Mapping[str, Any]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_] | None]:
+    """Return the depth (H, W) in metres, and the pixels beyond the camera's range if they are stated.
+
+    Raises:
+        InvalidAnswerError: there is none, or it is not an image.
+    """
+    try:
+        return depth_of(message.get("depth")), beyond_range_of(message["depth"])
+    except WireError as error:
+        raise InvalidAnswerError(str(error)) from error
+
+
+def stamp_in(message: Mapping[str, Any], key: str = "stamp_s", otherwise: float | None = None) -> float:
+    """Return a stamp, seconds on the robot's clock.
+
+    Raises:
+        InvalidAnswerError: it is missing without an alternative, or not a finite number.
+    """
+    try:
+        return number_in(message, key, otherwise)
+    except ValueError as error:
+        raise InvalidAnswerError(str(error)) from error
+
+
+def _planar(values: Any, key: str) -> _Planar:
+    x_m, y_m, heading_rad = _numbers(values, key, 3)
+    return x_m, y_m, heading_rad
+
+
+def _two(values: Any, key: str) -> _Point:
+    first, second = _numbers(values, key, 2)
+    return first, second
+
+
+def _battery(content: Any) -> Battery | None:
+    if content is None:
+        return None
+    if not isinstance(content, Mapping):
+        raise InvalidAnswerError("`battery` must be a map")
+    return Battery.reported(stamp_in(content, "share", math.nan), stamp_in(content, "volts", 0.0))
+
+
+def _numbers(values: Any, key: str, count: int) -> tuple[float, ...]:
+    if not isinstance(values, list | tuple) or len(values) != count:
+        raise InvalidAnswerError(f"`{key}` must be a list of {count} numbers, not {values!r:.40}")
+    return tuple(stamp_in({key: value}, key) for value in values)
+
+
+def _text(message: Mapping[str, Any], key: str) -> str:
+    try:
+        return text_in(message, key, _MOST_NAME)
+    except ValueError as error:
+        raise InvalidAnswerError(str(error)) from error
+
+
+def _words(message: Mapping[str, Any], key: str, known: set[str], otherwise: list[str]) -> list[str]:
+    values = message.get(key)
+    if values is None:
+        return otherwise
+    if not isinstance(values, list | tuple) or len(values) > _MOST_WORDS:
+        raise InvalidAnswerError(f"`{key}` must be a list of words")
+    if unknown := [value for value in values if not isinstance(value, str) or value not in known]:
+        raise InvalidAnswerError(f"`{key}` has {unknown[0]!r:.40}; the words are {', '.join(sorted(known))}")
+    return list(values)
