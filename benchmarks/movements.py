@@ -1,11 +1,13 @@
 """Measures the accuracy of continuous movements, and collisions under the path guard.
 
 `accuracy` measures position and heading errors (mm, degrees) of moves, waypoints and trajectories in an empty hall.
-`guard` drives towards obstacles in the apartment and counts contacts by speed. Over ROS, `vsnbench robots simulate` and
+`guard` drives towards obstacles in the apartment and counts contacts by speed; with `--continuous` the robot drives on
+and gets a new path every 0.3 s, in simulation only. Over ROS, `vsnbench robots simulate` and
 `serve` run as separate processes in their own network, in real time, and movements are shorter than in simulation.
 
     python benchmarks/movements.py accuracy --movements 200
     python benchmarks/movements.py guard --movements 170
+    python benchmarks/movements.py guard --movements 170 --continuous
     python benchmarks/movements.py accuracy ros1 --movements 50
     .venv-ros2/bin/python benchmarks/movements.py guard ros2 --speed 0.3 --movements 50
 """
@@ -48,6 +50,8 @@ HALL = Site.model_validate(
 )
 ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"}
 SPEEDS_M_S = (0.2, 0.3, 0.5)
+_ANSWER_S, _CHANGES_ITS_MIND, _LONGEST_APPROACH_S = 0.3, 0.1, 15.0
+"""Of `guard --continuous`: time between two answers, probability that one goes elsewhere, and longest approach."""
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
 """Length of movements in `accuracy`, relative to simulation; shorter over ROS, which runs in real time."""
 KINDS = ("move", "waypoint", "trajectory")
@@ -156,7 +160,7 @@ def accuracy(where: str, movements: int, kinds: tuple[str, ...]) -> None:
             )
 
 
-def guard(where: str, movements: int, speeds_m_s: tuple[float, ...]) -> None:
+def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuous: bool = False) -> None:
     """Print the end reasons of movements from random poses of the apartment, by speed."""
     site, parameters = load_site("apartment"), ProtocolParameters()
     profile = load_profile(ROBOTS[where])
@@ -175,6 +179,9 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...]) -> None:
                 heading_deg = chance.uniform(0, 360)
                 robot.begin(StartingPosition(number=1, position=position, heading_deg=heading_deg), number)
                 check = PathGuard(fast, parameters)
+                if continuous:
+                    ends[drive_on(robot, speed_m_s, chance, check)] += 1
+                    continue
                 for movement in long_movements(speed_m_s, chance):
                     result = robot.drive(movement, check)
                     if not result.completed:
@@ -185,6 +192,25 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...]) -> None:
                 ends[end] += 1
         took = f"{time.monotonic() - began_s:.0f} s"
         print(f"{speed_m_s} m/s: {movements} movements in {took}, {ends['touched']} touched; {dict(ends)}", flush=True)
+
+
+def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathGuard) -> str:
+    """Replace the path every 0.3 s by another one from the robot's pose 0.3 s before; return how it ended."""
+    now_s, captured = robot.observe().stamp_s, robot.observe().pose
+    movements = long_movements(speed_m_s, chance)
+    while now_s < _LONGEST_APPROACH_S:
+        robot.follow(movements[0], captured)
+        captured, now_s = robot.observe().pose, now_s + _ANSWER_S
+        result = robot.advance(now_s, check)
+        if chance.random() < _CHANGES_ITS_MIND:
+            movements = long_movements(speed_m_s, chance)
+        if result.blocked or result.collision or result.failure:
+            rest = robot.come_to_rest()
+            collision = result.collision or rest.collision
+            if collision:
+                print(f"touched {collision.touched}: {robot.locate().pose} {movements[0]}")
+            return "touched" if collision else "blocked" if result.blocked else result.failure
+    return "done"
 
 
 def long_movements(speed_m_s: float, chance: random.Random) -> list[Drive]:
@@ -204,6 +230,7 @@ if __name__ == "__main__":
     parser.add_argument("where", choices=ROBOTS, nargs="?", default="simulation")
     parser.add_argument("--movements", type=int, default=200)
     parser.add_argument("--speed", type=float, choices=SPEEDS_M_S, help="speed in m/s for `guard`; required over ROS")
+    parser.add_argument("--continuous", action="store_true", help="drive on with a new path every 0.3 s, for `guard`")
     parser.add_argument("--kind", choices=KINDS, help="kind of movement for `accuracy`; default: all")
     given = parser.parse_args()
     if given.what == "accuracy":
@@ -211,4 +238,5 @@ if __name__ == "__main__":
     elif given.where != "simulation" and given.speed is None:
         parser.error("guard over ROS needs --speed")
     else:
-        guard(given.where, given.movements, (given.speed,) if given.speed else SPEEDS_M_S)
+        speeds = (given.speed,) if given.speed else SPEEDS_M_S
+        guard(given.where, given.movements, speeds, continuous=given.continuous)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
     from vsnbench.values.fix import Fix, PoseSource
     from vsnbench.values.goal import Goal, GoalKind
-    from vsnbench.values.model.card import ModelCard
+    from vsnbench.values.model.card import Anchor, ModelCard
     from vsnbench.values.model.trained_camera import TrainedCamera
     from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
     from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Sidestep, Trajectory, Velocity, Waypoint
@@ -36,6 +36,7 @@ __version__ = "1.1.0.dev0"
 __all__ = [
     "Action",
     "ActionKind",
+    "Anchor",
     "BatchPolicy",
     "Battery",
     "Box",
@@ -98,7 +99,7 @@ _NAMES = {
     "vsnbench.values.fix": ("Fix", "PoseSource"),
     "vsnbench.values.goal": ("Goal", "GoalKind"),
     "vsnbench.values.motion_result": ("Collision", "CollisionSource", "MotionResult"),
-    "vsnbench.values.model.card": ("ModelCard",),
+    "vsnbench.values.model.card": ("Anchor", "ModelCard"),
     "vsnbench.values.model.trained_camera": ("TrainedCamera",),
     "vsnbench.values.movement": (
         "ActionKind",

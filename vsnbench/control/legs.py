@@ -8,7 +8,7 @@ from vsnbench.control.command import Controller
 from vsnbench.control.controller import MotionController
 from vsnbench.control.law import ideal_duration_s, turn_error_rad
 from vsnbench.control.leg import Leg
-from vsnbench.control.path_controller import PathController
+from vsnbench.control.paths.path_controller import PathController
 from vsnbench.control.response import BaseResponse
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import DRIVE_SHARE

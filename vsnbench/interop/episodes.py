@@ -15,7 +15,7 @@ from vsnbench.results.model import Episode
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
 from vsnbench.values.camera import Camera
-from vsnbench.values.step import StepRecord
+from vsnbench.values.step import StepRecord, lasted_s
 
 _NO_EPISODE_LASTS_S = 1e8
 """Larger time stamps count from 1970."""
@@ -33,8 +33,8 @@ def taken_s(episode: Episode, step: StepRecord) -> float:
 
 def moved_s(episode: Episode, step: StepRecord) -> float:
     """Return the end of a step's motion on the same clock."""
-    lasted_s = step.result.duration_s if step.result else 0.0
-    return taken_s(episode, step) + (lasted_s if math.isfinite(lasted_s) else 0.0)
+    way_s = lasted_s(0.0 if step.stamp_s is None else step.stamp_s, step.result, step.answer)
+    return taken_s(episode, step) + (way_s if math.isfinite(way_s) else 0.0)
 
 
 def read_episodes(

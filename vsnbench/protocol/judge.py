@@ -102,9 +102,9 @@ def end_after(
         return EndReason.COLLISION
     if result is not None and not result.completed and not result.blocked:
         return EndReason.SENSOR_LOST if result.sensor_lost else EndReason.MOTION_FAILED
-    if spent.actions >= parameters.max_actions:
+    if parameters.action_limit is not None and spent.actions >= parameters.action_limit:
         return EndReason.STEP_LIMIT
-    if parameters.max_time_s is not None and spent.time_s >= parameters.max_time_s:
+    if parameters.time_limit_s is not None and spent.time_s >= parameters.time_limit_s:
         return EndReason.TIME_LIMIT
     if parameters.max_path_m is not None and spent.path_m >= parameters.max_path_m:
         return EndReason.PATH_LIMIT
@@ -200,7 +200,8 @@ def judge(
         return Verdict(end_reason, None, f"void: {_VOID_TEXT[end_reason]}; the trial must be run again", distance)
     if end_reason is EndReason.COLLISION:
         return Verdict(end_reason, False, f"failed: collision at action {actions}", distance)
-    if end_reason is EndReason.STEP_LIMIT or actions >= parameters.max_actions:
+    limit = parameters.action_limit
+    if end_reason is EndReason.STEP_LIMIT or (limit is not None and actions >= limit):
         return Verdict(EndReason.STEP_LIMIT, False, f"failed: cap of {counted(actions, 'action')} reached", distance)
     if end_reason.is_limit:
         return Verdict(end_reason, False, f"failed: {limit_text(end_reason, parameters)} at action {actions}", distance)
@@ -228,7 +229,7 @@ def is_region(instance: str) -> bool:
 def limit_text(end_reason: EndReason, parameters: "ProtocolParameters") -> str:
     """Return which limit an episode reached, with its value if the parameters have it."""
     is_time = end_reason is EndReason.TIME_LIMIT
-    limit = parameters.max_time_s if is_time else parameters.max_path_m
+    limit = parameters.time_limit_s if is_time else parameters.max_path_m
     value = "" if limit is None else f" of {limit:g} {'s' if is_time else 'm'}"
     return f"{'time' if is_time else 'path'} limit{value} reached"
 

@@ -40,9 +40,9 @@ def budget_left(spent: Spent, parameters: "ProtocolParameters") -> "Budget":
     """Return what is left of every limit; None for what is unlimited."""
     from vsnbench.values.observation import Budget
 
-    time_s, path_m = parameters.max_time_s, parameters.max_path_m
+    actions, time_s, path_m = parameters.action_limit, parameters.time_limit_s, parameters.max_path_m
     return Budget(
-        actions_left=parameters.max_actions - spent.actions,
+        actions_left=None if actions is None else actions - spent.actions,
         time_left_s=None if time_s is None else max(0.0, time_s - spent.time_s),
         path_left_m=None if path_m is None else max(0.0, path_m - spent.path_m),
     )

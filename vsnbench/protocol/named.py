@@ -169,10 +169,10 @@ def parameter_rows(parameters: ProtocolParameters, origin: str = "") -> list[Par
     return rows
 
 
-def _leaves(values: BaseModel, defaults: BaseModel, within: str = "") -> Iterator[tuple[str, Any, Any, str]]:
+def _leaves(values: BaseModel, defaults: BaseModel | None, within: str = "") -> Iterator[tuple[str, Any, Any, str]]:
     """Yield name, value, default and meaning of every field; those of nested models one by one."""
     for name, info in type(values).model_fields.items():
-        value, default = getattr(values, name), getattr(defaults, name)
+        value, default = getattr(values, name), getattr(defaults, name, None)
         if isinstance(value, BaseModel):
             yield from _leaves(value, default, f"{within}{name}.")
         else:

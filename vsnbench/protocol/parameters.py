@@ -4,8 +4,17 @@ import math
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
+from vsnbench.protocol.execution import CONTINUOUS, SECONDS_PER_ACTION, STOP_AND_GO, Execution
 from vsnbench.values.action import Action
 from vsnbench.values.movement import Move
 from vsnbench.values.placement import PlacementTolerance
@@ -20,7 +29,7 @@ _MOVES: Mapping[Action, tuple[int, int]] = {
     Action.TURN_RIGHT: (0, -1),
 }
 """Direction of each discrete action: forwards, and to the left."""
-_VERSION_3: Mapping[str, Any] = {"name": PAPER_PROTOCOL, "max_time_s": None, "max_path_m": None}
+_VERSION_3: Mapping[str, Any] = {"name": PAPER_PROTOCOL, "max_time_s": None, "max_path_m": None, "execution": None}
 """Fields of version 3 with their defaults."""
 
 
@@ -45,8 +54,8 @@ class DepthGuard(BaseModel):
 class ProtocolParameters(BaseModel):
     """Parameters of the protocol; campaigns with equal parameters are comparable.
 
-    Version 1 measured the distance to a goal through walls; version 2 measures it in sight; version 3 has another name
-    or more limits than the paper's protocol. A campaign keeps its version.
+    Version 1 measured the distance to a goal through walls; version 2 measures it in sight; version 3 has another name,
+    more limits or another execution than the paper's protocol. A campaign keeps its version.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -74,6 +83,16 @@ class ProtocolParameters(BaseModel):
     turn_deg: float = Field(default=30.0, gt=0, le=180, description="angle of TURN_LEFT and TURN_RIGHT")
     depth_guard: DepthGuard = Field(default_factory=DepthGuard)
     placement: PlacementTolerance = Field(default_factory=PlacementTolerance, description="tolerance of a placed robot")
+    execution: Execution | None = Field(
+        default=None,
+        description="continuous: the robot drives on while the model thinks; none: it rests (stop_and_go)",
+    )
+
+    @field_validator("execution", mode="before")
+    @classmethod
+    def _name_execution(cls, given: Any) -> Any:
+        """Accept the words `stop_and_go` and `continuous`, the latter with the default parameters."""
+        return {STOP_AND_GO: None, CONTINUOUS: {}}.get(given, given) if isinstance(given, str) else given
 
     @model_validator(mode="before")
     @classmethod
@@ -107,6 +126,29 @@ class ProtocolParameters(BaseModel):
     def limited_to(self, max_actions: int | None) -> Self:
         """Return these parameters with another maximum number of actions; unchanged for None."""
         return self if max_actions is None else self.model_copy(update={"max_actions": max_actions})
+
+    def executed(self, execution: Execution | None) -> Self:
+        """Return these parameters with another execution; unchanged for None."""
+        if execution is None:
+            return self
+        content = {name: value for name, value in self.model_dump().items() if name != "version"}
+        return self.model_validate({**content, "execution": execution.model_dump()})
+
+    @property
+    def time_limit_s(self) -> float | None:
+        """Time on the robot's clock after which an episode ends; None for no limit.
+
+        The number of answers of a continuous episode depends on the latency, and is not limited. It ends at the latest
+        after `SECONDS_PER_ACTION` for each action of `max_actions`.
+        """
+        if self.max_time_s is None and self.execution is not None:
+            return SECONDS_PER_ACTION * self.max_actions
+        return self.max_time_s
+
+    @property
+    def action_limit(self) -> int | None:
+        """Number of actions after which an episode ends; None for continuous execution, whose limit is time."""
+        return self.max_actions if self.execution is None else None
 
     def movement_of(self, action: Action) -> Move:
         """Return the movement of a discrete action: one of the paper's, whose headings are held.

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from sqlalchemy import func, select
 
 from vsnbench.protocol.disturbances import text_of_conditions
+from vsnbench.protocol.execution import STOP_AND_GO, execution_of
 from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.fields import fields_of, quantity
 from vsnbench.results.goals import RecordedGoal, goal_text
@@ -50,6 +51,11 @@ class Episode:
     model: str = quantity("name of the model; its code while a study is blinded", read.MODEL_NAME)
     disturbances: str = quantity(
         "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
+    )
+    execution: str = quantity(
+        "`stop_and_go`, or `continuous`: the robot drives on while the model thinks",
+        tables.CampaignRow.protocol,
+        decode=execution_of,
     )
     robot: str = quantity("name of the robot profile", tables.RobotRow.name)
     simulated: bool = quantity("the robot is simulated", tables.RobotRow.simulated)
@@ -259,11 +265,17 @@ class Campaign:
     disturbances: str = quantity(
         "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
+    execution: str = quantity(
+        "`stop_and_go`, or `continuous`: the robot drives on while the model thinks",
+        tables.CampaignRow.protocol,
+        decode=execution_of,
+    )
 
     @property
     def title(self) -> str:
-        """The name with the disturbances, which the name does not have."""
-        return f"{self.name} with {self.disturbances}" if self.disturbances else self.name
+        """The name with the disturbances and the execution, which the name does not have."""
+        driven = "" if self.execution == STOP_AND_GO else f", {self.execution}"
+        return f"{self.name} with {self.disturbances}{driven}" if self.disturbances else f"{self.name}{driven}"
 
 
 EPISODE = fields_of(Episode)

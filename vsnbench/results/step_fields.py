@@ -27,6 +27,13 @@ def _of_collision(name: str) -> Callable[[StepRecord], Any]:
     return lambda step: getattr(step.result.collision, name) if step.result and step.result.collision else None
 
 
+def _of_answer(name: str) -> Callable[[StepRecord], Any]:
+    return lambda step: getattr(step.answer, name) if step.answer else None
+
+
+_AT_REST = "where the robot rests while the model thinks"
+
+
 def _step(name: str, kind: Any, meaning: str, get: Callable[[StepRecord], Any] | None = None, **how: Any) -> Field:
     columns = tables.StepRow.__table__.c
     sql = (columns[name],) if name in columns else ()
@@ -107,6 +114,23 @@ STEP = Fields(
             tuple[int, int] | None,
             "part of a chunk: its number from 1, and the number of parts",
             absent="outside of chunks",
+        ),
+        *(
+            _step(name, kind, meaning, _of_answer(name), absent=_AT_REST, is_hidden=True)
+            for name, kind, meaning in (
+                ("answered_s", float | None, "time of the answer on the robot's clock"),
+                ("age_s", float | None, "time from the capture of the image to the effect of the answer"),
+                ("until_s", float | None, "time when the next answer took effect, or of rest at the end"),
+                ("stale", bool | None, "the answer was dropped as too old"),
+            )
+        ),
+        _step(
+            "waiting_s",
+            float | None,
+            "time at rest without a path, waiting for an answer",
+            _measured("waiting_s"),
+            absent=_AT_REST,
+            is_hidden=True,
         ),
         _step("probabilities", dict[str, float], "action → probability; empty if the model gives none", is_hidden=True),
         _step("details", dict[str, Any], "notes of the model and the sensors; keys depend on them", is_hidden=True),

@@ -65,6 +65,10 @@ class Robot(ABC):
     action_kinds: frozenset[ActionKind] = frozenset({ActionKind.DISCRETE})
     """Kinds of a model's answer that it executes. A discrete action is a `Move` with the sizes of the protocol."""
 
+    drives_on: bool = False
+    """Whether it can drive while a model thinks: `follow`, `advance` and `come_to_rest`. Only a base that takes
+    velocity commands can."""
+
     needs_operator: bool = False
     """Whether an operator must put the robot at the start of every episode, before `begin`."""
 
@@ -154,6 +158,33 @@ class Robot(ABC):
             movement: in the robot's frame.
             watch: decides whether the way ahead is free; None for an action that was checked before it began.
         """
+
+    def follow(self, movement: Drive, anchor: Pose | None = None) -> None:
+        """Replace the running path without a stop, and return at once; time passes in `advance`.
+
+        Called only if `drives_on` is True, with a `Waypoint`, a `Trajectory` or a `Velocity`.
+
+        Args:
+            movement: in the frame of `anchor`.
+            anchor: odometry at the capture of the image that the movement answers; None for the present pose.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.follow")
+
+    def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
+        """Drive on until a time on the robot's clock, and return the motion since the call.
+
+        At the end of its path the robot stops and waits. When `watch` returns a reason, it stops, drops the path and
+        waits; the result has the reason as `blocked`. A contact or a failure ends the call before the time is over.
+
+        Args:
+            until_s: on the clock of `Observation.stamp_s`.
+            watch: called at the rate of the camera before and while the robot leaves its position.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.advance")
+
+    def come_to_rest(self) -> MotionResult:
+        """Drop the path, brake within the accelerations of the base, and return the motion once it is at rest."""
+        raise NotImplementedError(f"{type(self).__name__}.come_to_rest")
 
     def interrupted_motion(self) -> MotionResult | None:
         """Return what was measured since `drive` after the last `observe`; None if it is not known.

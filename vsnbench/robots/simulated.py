@@ -15,6 +15,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, Robot, Watch
+from vsnbench.robots.driving_on import LOOK_PERIOD_S, DrivingOn
 from vsnbench.robots.simulated_mover import SimulatedMover
 from vsnbench.sensing.images.rectifier import Rectifier
 from vsnbench.sensing.movement_check import displacement_m, remaining_m
@@ -33,9 +34,6 @@ from vsnbench.values.observation import InstanceImage, Observation, Sensor, obse
 from vsnbench.values.pose import LEVEL, Attitude, Pose, wrap_angle
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
 from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
-
-_LOOK_PERIOD_S = 0.1
-"""Simulated time between two depth images while a movement with parameters runs."""
 
 
 @dataclass(slots=True)
@@ -58,6 +56,7 @@ class SimulatedRobot(Robot):
 
     sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
     renders_views = True
+    drives_on = True
 
     def __init__(
         self,
@@ -91,6 +90,7 @@ class SimulatedRobot(Robot):
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
         self._motion: _Motion | None = None
+        self._driving: DrivingOn | None = None
 
     @property
     def identity(self) -> RobotIdentity:
@@ -119,6 +119,7 @@ class SimulatedRobot(Robot):
         if self.profile.dynamics is not None:
             self._mover = SimulatedMover(self._base, self.profile, self.settings)
             self._odometry = self._mover.reading
+        self._driving = None
         self._begun = True
 
     def observe(self) -> Observation:
@@ -212,7 +213,7 @@ class SimulatedRobot(Robot):
             watch = None
         while controller.status is MotionStatus.MOVING:
             now_s = self._physics.time_s
-            if watch is not None and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
+            if watch is not None and now_s - looked_s >= LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
                 looked_s = now_s
                 if blocked := watch(self._driving_view(command, controller.remaining_m)):
                     controller.abort(blocked)
@@ -231,8 +232,39 @@ class SimulatedRobot(Robot):
                 return touch, ""
         return None, ""
 
+    def follow(self, movement: Drive, anchor: Pose | None = None) -> None:
+        """Replace the running path by another one, from the anchor on."""
+        self._on().follow(movement, anchor)
+
+    def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
+        """Let simulated time pass until a time of this robot's clock, along the running path."""
+        return self._on().advance(until_s, watch)
+
+    def come_to_rest(self) -> MotionResult:
+        """Brake, and return the motion until the base is at rest."""
+        return self._on().come_to_rest()
+
+    def _on(self) -> DrivingOn:
+        self._require_begun()
+        self._motion = None
+        if self._driving is None:
+            self._driving = DrivingOn(
+                self.settings, self._mover, self._base, self._read_newest, self._driving_view, self._name_of
+            )
+        return self._driving
+
+    def _read_newest(self, *, fresh: bool = False) -> tuple[Pose, float]:
+        """Update the odometry of a base that drives on; return it and its time."""
+        if self._mover is not None:
+            self._odometry = self._mover.read_now() if fresh else self._mover.reading
+            return self._odometry, self._mover.reading_s
+        self._read_odometry(fresh=fresh)
+        return self._odometry, self._odometry_stamp_s
+
     def interrupted_motion(self) -> MotionResult | None:
         """Return the odometry's motion since the movement after the last observation began."""
+        if self._driving is not None:
+            return self._driving.motion()
         if self._motion is None:
             return NOT_BEGUN
         if self._mover is not None:
@@ -246,7 +278,7 @@ class SimulatedRobot(Robot):
         def blocked_now() -> str:
             nonlocal blocked, looked_s
             now_s = self._physics.time_s
-            is_due = mover.command.linear_m_s and now_s - looked_s >= _LOOK_PERIOD_S - CONTROL_PERIOD_S / 2
+            is_due = mover.command.linear_m_s and now_s - looked_s >= LOOK_PERIOD_S - CONTROL_PERIOD_S / 2
             if watch is not None and is_due:
                 looked_s = now_s
                 left_m = remaining_m(motion.movement, motion.start, mover.reading)
@@ -295,7 +327,9 @@ class SimulatedRobot(Robot):
         return Fix(self._physics.pose, PoseSource.SIMULATED)
 
     def halt(self) -> None:
-        """Do nothing: the robot moves only within `drive`."""
+        """Drop the path of a robot that drives on; otherwise it moves only within `drive`."""
+        if self._driving is not None:
+            self._driving.halt()
 
     def close(self) -> None:
         """End the episode."""

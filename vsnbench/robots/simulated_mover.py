@@ -31,6 +31,7 @@ class SimulatedMover:
 
     Attributes:
         reading: newest odometry, with an unwrapped heading.
+        reading_s: its time.
         path_m: length of the path since the last movement began, by the odometry.
         touch: contact that ended the last movement, or None.
     """
@@ -43,6 +44,7 @@ class SimulatedMover:
         self._command = STANDSTILL
         self._due_s = 0.0
         self.reading = self._measured = Pose(0.0, 0.0, 0.0)
+        self.reading_s = 0.0
         self.path_m = 0.0
         self.touch: Touch | None = None
         tracker = OdometryTracker(profile.base.max_linear_m_s, profile.base.max_angular_rad_s)
@@ -71,6 +73,18 @@ class SimulatedMover:
         self._sleep_until(self._now_s() + self._roll_out_s)
         return result
 
+    def read_now(self) -> Pose:
+        """Return the odometry of this moment, as interpolated between its messages."""
+        return self._base.read(self._measured)
+
+    def hold(self, command: Command) -> Touch | None:
+        """Command a velocity for one control period outside of a movement; return the present contact."""
+        self.touch = None
+        self._mover.take_other_command()
+        self._command = command
+        self._sleep_until(self._now_s() + CONTROL_PERIOD_S)
+        return self.touch
+
     def _now_s(self) -> float:
         return self._base.physics.time_s
 
@@ -85,6 +99,6 @@ class SimulatedMover:
             self._measured = measured
             if now_s >= self._due_s - CONTROL_PERIOD_S / 2:
                 self._due_s = max(self._due_s + self._period_s, now_s)
-                self.reading = self._base.read(measured)
+                self.reading, self.reading_s = self._base.read(measured), now_s
                 heading_rad = math.remainder(self.reading.heading_rad, math.tau)
                 self._mover.take_odometry(*self.reading.position, heading_rad, now_s)

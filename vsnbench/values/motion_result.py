@@ -1,6 +1,6 @@
 """Result of one action."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -44,6 +44,26 @@ class MotionResult:
     """Why the guard ended the movement before its end, or an empty string; such a movement is not completed."""
     sensor_lost: bool = False
     """Whether the motion failed because of a sensor with missing or invalid data, not because of the base."""
+    waiting_s: float | None = None
+    """In continuous execution, time at rest without a path, waiting for an answer; None otherwise."""
+
+    def followed_by(self, later: "MotionResult") -> "MotionResult":
+        """Return one result for two parts of a continuous motion; it is completed if both are."""
+        return replace(
+            later,
+            completed=self.completed and later.completed,
+            displacement_m=self.displacement_m + later.displacement_m,
+            turn_rad=self.turn_rad + later.turn_rad,
+            duration_s=self.duration_s + later.duration_s,
+            collision=self.collision or later.collision,
+            failure=self.failure or later.failure,
+            corrections=self.corrections + later.corrections,
+            pose=later.pose or self.pose,
+            path_m=(self.path_m or 0.0) + (later.path_m or 0.0),
+            blocked=self.blocked or later.blocked,
+            sensor_lost=self.sensor_lost or later.sensor_lost,
+            waiting_s=(self.waiting_s or 0.0) + (later.waiting_s or 0.0),
+        )
 
 
 NOT_BEGUN: Final = MotionResult(completed=False)

@@ -22,6 +22,32 @@ class StepTimings:
 
 
 @dataclass(frozen=True, slots=True)
+class AnswerTiming:
+    """When an answer came and took effect in continuous execution; seconds on the robot's clock."""
+
+    answered_s: float
+    """Time of the answer."""
+    age_s: float
+    """Time from the capture of the image to the effect of the answer; for a stale answer, to when it was dropped."""
+    until_s: float
+    """Time when the next answer took effect, or when the robot was at rest at the end of the episode."""
+    stale: bool = False
+    """Whether the answer was dropped because it was too old: the robot drove on along its path."""
+
+
+def lasted_s(stamp_s: float, result: MotionResult | None, answer: AnswerTiming | None) -> float:
+    """Return the time from the observation of a step to the end of its motion; 0 for a refused action."""
+    if answer is not None:
+        return answer.until_s - stamp_s
+    return result.duration_s if result is not None else 0.0
+
+
+def taken_action(action: Action, answer: AnswerTiming | None) -> Action:
+    """Return the action that took effect: NOOP for an answer that was dropped as stale."""
+    return Action.NOOP if answer is not None and answer.stale else action
+
+
+@dataclass(frozen=True, slots=True)
 class StepRecord:
     """One action of the policy, from the observation to the measured result."""
 
@@ -38,6 +64,8 @@ class StepRecord:
     """Parameters of an action that has some."""
     part: tuple[int, int] | None = None
     """Number from 1 and count, for a part of a chunk."""
+    answer: AnswerTiming | None = None
+    """In continuous execution, when the answer took effect; None where the robot rests while the model thinks."""
     observed: Pose | None = None
     """Odometry at the observation, relative to the start of the episode."""
     stamp_s: float | None = None

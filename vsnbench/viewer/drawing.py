@@ -12,11 +12,13 @@ import rerun as rr
 
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Box
 from vsnbench.values.movement import movement_text
+from vsnbench.values.step import StepRecord
 from vsnbench.viewer.blueprint import send_layout
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
@@ -165,7 +167,7 @@ class EpisodeDrawing:
         )
         return (
             f"### Looking for: {header.goal}{distance}\n"
-            f"action {entry.step.number} of {header.parameters.max_actions}: **{action}**{raw} — {_outcome(entry)}"
+            f"{action_count(header.parameters, entry.step)}: **{action}**{raw} — {_outcome(entry)}"
         )
 
     def _event(self, entry: EventEntry) -> None:
@@ -240,6 +242,14 @@ def _draw_curves(entities: StaticEntities, limit_m: float) -> None:
     entities.log("distance/success_under", rr.SeriesLines(names=limit, colors=SUCCESS_RGB, widths=1), static=True)
 
 
+def action_count(parameters: ProtocolParameters, step: StepRecord) -> str:
+    """Return which action of how many a step is, or which answer at which time."""
+    if parameters.action_limit is not None:
+        return f"action {step.number} of {parameters.action_limit}"
+    time_s = "" if step.stamp_s is None else f", {step.stamp_s:.1f} s"
+    return f"answer {step.number}{time_s} of {parameters.time_limit_s:g} s"
+
+
 def _outcome(entry: StepEntry) -> str:
     if entry.step.blocked:
         return "blocked"
@@ -261,6 +271,10 @@ def _decision_text(entry: StepEntry) -> str:
     lines = [f"**{entry.decision.raw_action}**" + (f" in {infer_s * 1e3:.0f} ms" if infer_s is not None else "")]
     if entry.step.movement is not None:
         lines.append(movement_text(entry.step.movement))
+    if (answer := entry.step.answer) is not None:
+        stale = " and was dropped as stale" if answer.stale else ""
+        waiting_s = (entry.step.result.waiting_s if entry.step.result else None) or 0.0
+        lines.append(f"{answer.age_s:.2f} s old when it took effect{stale}; {waiting_s:.2f} s of waiting")
     if diagnostics.note:
         lines.append(diagnostics.note)
     if diagnostics.probabilities:

@@ -18,6 +18,7 @@ from vsnbench.results.files.episode_entries import EpisodeHeader, StepEntry
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import targets_of
 from vsnbench.values.pose import Pose
+from vsnbench.values.step import StepRecord
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
@@ -73,7 +74,7 @@ class FloorPlan:
         self._draw_robot(here)
         if entry.step.world is not None:
             there = entry.step.world.pose
-            progress = min(1.0, entry.step.number / header.parameters.max_actions)
+            progress = min(1.0, _used(entry.step, header.parameters))
             if here.distance_to(there) > 1e-4:
                 self._log.log(
                     "plan/trajectory",
@@ -154,6 +155,13 @@ class FloorPlan:
         if is_present or entity in self._present:
             self._log.log(entity, archetype, **components, colors=[POLICY_RGB])
         self._present = self._present | {entity} if is_present else self._present - {entity}
+
+
+def _used(step: StepRecord, parameters: ProtocolParameters) -> float:
+    """Return the share of an episode's actions, or of its time, that a step has used."""
+    if parameters.action_limit is not None:
+        return step.number / parameters.action_limit
+    return (step.stamp_s or 0.0) / (parameters.time_limit_s or math.inf)
 
 
 def _draw_site(entities: StaticEntities, site: Site, goal: str, parameters: ProtocolParameters) -> None:

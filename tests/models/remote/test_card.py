@@ -16,7 +16,7 @@ from vsnbench.results.writing.campaigns import card_of_row, model_row, model_sha
 from vsnbench.settings.validation import first_error
 from vsnbench.values.action import TILTS, Action
 from vsnbench.values.goal import GoalKind
-from vsnbench.values.model.card import ModelCard
+from vsnbench.values.model.card import Anchor, ModelCard
 from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
@@ -39,6 +39,7 @@ FULL = ModelCard(
     camera=TrainedCamera(mount_height_m=(0.5, 0.7), width=640, height=480),
     goal_kinds=frozenset({GoalKind.CATEGORY, GoalKind.IMAGE}),
     deterministic=False,
+    anchor=Anchor.ARRIVAL,
 )
 
 

@@ -10,7 +10,8 @@ from tests.report.records import Attempt, Lab
 from tests.report.study.test_primary import standing
 from tests.study.studies import small_study
 from vsnbench.errors import UsageError
-from vsnbench.report.analysis.conditions import Selection, kinds_note
+from vsnbench.report.analysis.comparability import kinds_note
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import empty_report_data
 from vsnbench.report.analysis.published import published_results
 from vsnbench.report.analysis.summary import ReportResults, summarise

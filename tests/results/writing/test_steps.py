@@ -15,6 +15,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Pixel, Trajectory
 from vsnbench.values.pose import Pose
+from vsnbench.values.step import AnswerTiming
 
 
 def test_a_step_renews_a_partly_used_lease_and_is_refused_after_a_takeover(
@@ -43,9 +44,12 @@ def test_a_step_renews_a_partly_used_lease_and_is_refused_after_a_takeover(
 
 @pytest.mark.parametrize("blocked", ["", "obstacle 0.14 m ahead of the front"])
 def test_a_movement_comes_back_with_what_was_driven_of_it(url: str, blocked: str) -> None:
-    result = MotionResult(not blocked, 0.4, 0.1, 2.0, pose=Pose(0.4, 0.0, 0.1), path_m=0.45, blocked=blocked)
+    result = MotionResult(
+        not blocked, 0.4, 0.1, 2.0, pose=Pose(0.4, 0.0, 0.1), path_m=0.45, blocked=blocked, waiting_s=0.5
+    )
     movement = Trajectory(((0.5, 0.0), (1.0, 0.25)))
     step = replace(forward(1), action=Action.TRAJECTORY, raw_action="", result=result, movement=movement, part=(1, 4))
+    step = replace(step, answer=AnswerTiming(1.5, 0.3, 2.0, stale=True))
     why = "the pixel has no depth"
     refused = replace(forward(2), action=Action.PIXEL, result=None, movement=Pixel(12.0, 40.0), refusal=why)
     with Journal.open(url) as journal:
@@ -55,6 +59,7 @@ def test_a_movement_comes_back_with_what_was_driven_of_it(url: str, blocked: str
         journal.append_step(episode.id, forward(3))
         driven, not_begun, discrete = episode_steps(journal.engine, episode.id)
     assert (driven.movement, driven.part, driven.result) == (movement, (1, 4), result)
+    assert (driven.answer, discrete.answer) == (step.answer, None)
     assert (driven.blocked, driven.refusal, driven.raw_action) == (bool(blocked), blocked, "TRAJECTORY")
     assert (not_begun.refusal, discrete.refusal) == (why, "")
     assert (not_begun.movement, not_begun.result, not_begun.blocked) == (Pixel(12.0, 40.0), None, True)

@@ -74,6 +74,8 @@ def _course_rows(progress: float | None, measures: "CourseMeasures") -> list[tup
 def _print_summary(
     console: "Console", episode: "EpisodeRecord", measures: "CourseMeasures", directory: Path | None
 ) -> None:
+    from vsnbench.protocol.execution import CONTINUOUS, text_of_execution
+
     color = COLORS[episode.outcome]
     note = "; it does not count for its trial" if episode.state in ("void", "superseded") else ""
     article = "a " if episode.goal_definition is None else ""
@@ -93,6 +95,7 @@ def _print_summary(
             "ended with",
             safe(episode.end_reason or "still running") + (f": {safe(episode.error)}" if episode.error else ""),
         ),
+        *([("execution", text_of_execution(episode.provenance.protocol))] if episode.execution == CONTINUOUS else []),
         ("actions", str(episode.actions)),
         ("distance to goal", (metres(episode.distance_m, episode.success_distance_m) or "unknown") + source),
         *_course_rows(episode.progress, measures),
@@ -151,6 +154,15 @@ def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     console.print(
         f"  {'steps':<17} {actions}" + (f"; {blocked} blocked by the depth guard" if blocked else ""), soft_wrap=True
     )
+    if answers := [step.answer for step in steps if step.answer is not None]:
+        ages = sorted(answer.age_s for answer in answers)
+        waited_s = sum(step.result.waiting_s or 0.0 for step in steps if step.result)
+        stale = sum(answer.stale for answer in answers)
+        console.print(
+            f"  {'answers':<17} {ages[len(ages) // 2]:.2f} s old (median) when they took effect; "
+            f"{waited_s:.1f} s of waiting" + (f"; {stale} dropped as stale" if stale else ""),
+            soft_wrap=True,
+        )
     inferred = sorted(step.timings.infer_s for step in steps if step.timings.infer_s is not None)
     if inferred:
         console.print(f"  {'inference':<17} {inferred[len(inferred) // 2] * 1000:.1f} ms (median)")
@@ -173,6 +185,8 @@ def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
         note = (result.failure if result else "") or step.refusal or ("blocked" if step.blocked else "")
         if step.movement is not None:
             note = f"{movement_text(step.movement)}; {note}".removesuffix("; ")
+        if step.answer is not None:
+            note = f"{'stale ' if step.answer.stale else ''}at {step.answer.age_s:.2f} s; {note}".removesuffix("; ")
         if result and result.collision:
             note = f"collision {result.collision.touched}"
         table.add_row(

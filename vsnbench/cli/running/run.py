@@ -48,6 +48,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     max_steps: trial.MaxSteps = None,
     noise: trial.Noise = False,
     disturb: Disturb = None,
+    continuous: trial.Continuous = None,
     rehearse: Rehearse = False,
     unattended: Unattended = False,
     console: Console = None,
@@ -87,6 +88,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench run --model oracle --goal all --site lab.yaml
         vsnbench run --model pirlnav --goal bed --disturb blur=4,camera_tilt=-5
         vsnbench run --model oracle --goal all --protocol habitat-objectnav
+        vsnbench run --model oracle-waypoints --goal chair --continuous 0.3
         vsnbench run --model pirlnav --goal all --workers ray://head:10001
         vsnbench run --model vlv,random --seed 0-4 --site flat:0-9 --goal all
 
@@ -105,6 +107,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
+    from vsnbench.protocol.execution import parse_continuous
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup.request import RunRequest
@@ -121,7 +124,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         noise=noise,
         rehearsal=rehearse,
         disturbances=parse_disturbances(disturb or ()),
-        parameters=load_protocol(protocol).limited_to(max_steps),
+        parameters=load_protocol(protocol)
+        .limited_to(max_steps)
+        .executed(None if continuous is None else parse_continuous(continuous)),
         model_options=trial.model_options(weights, model_config),
         device=config.models.device,
         act_timeout_s=config.models.act_timeout_s,

@@ -69,6 +69,14 @@ MaxSteps = Annotated[
     ),
 ]
 Noise = Annotated[bool, execution_option("--noise", help="Add noise to simulated depth and odometry.")]
+Continuous = Annotated[
+    str | None,
+    execution_option(
+        "--continuous",
+        metavar="SECONDS|measured",
+        help="The robot drives on while the model thinks, for a declared latency or as long as the model takes.",
+    ),
+]
 Workers = Annotated[
     str,
     execution_option(

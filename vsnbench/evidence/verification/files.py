@@ -19,6 +19,7 @@ from vsnbench.results.merging.episodes import step_digests
 from vsnbench.results.schema.row_encoding import pose_of_columns
 from vsnbench.results.writing.deletion import unfinished_directories
 from vsnbench.results.writing.lifecycle import ENDED
+from vsnbench.values.step import lasted_s
 
 TRAJECTORY = "trajectory.tum"
 _RERUN_COPY = "episode.rrd"
@@ -87,8 +88,8 @@ def _trajectory_findings(record: VerifiedRecord, episode: Row[Any]) -> Iterator[
     path = [StampedPose((steps[0].stamp_s or 0.0) if steps else 0.0, start)]
     for step in steps:
         if step.world is not None:
-            driving_s = step.result.duration_s if step.result else 0.0
-            path.append(StampedPose((step.stamp_s or 0.0) + driving_s, step.world.pose))
+            stamp_s = step.stamp_s or 0.0
+            path.append(StampedPose(stamp_s + lasted_s(stamp_s, step.result, step.answer), step.world.pose))
     lines, given = trajectory_text(path).splitlines(), content.decode("utf-8", "replace").splitlines()
     if content != trajectory_text(path).encode():
         place = next((n for n, pair in enumerate(zip(lines, given, strict=False), 1) if pair[0] != pair[1]), len(lines))

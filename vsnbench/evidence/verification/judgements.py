@@ -25,7 +25,7 @@ from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.sites.targets import targets_of
 from vsnbench.text.sanitize import counted
 from vsnbench.values.pose import Pose
-from vsnbench.values.step import StepRecord
+from vsnbench.values.step import StepRecord, taken_action
 
 _TOLERANCE = 1e-6
 """Metres and seconds; the same computation on another machine can differ in the last digits."""
@@ -112,7 +112,7 @@ class _EpisodeCheck:
                 yield cell("step", f"{self.episode.id}/{step.number}", "number", f"follows the end ({reason})")
                 return
             spent, before = self._after(spent, step, before), self._world(step) or before
-            reason = end_after(spent, step.action, step.result, self.parameters)
+            reason = end_after(spent, taken_action(step.action, step.answer), step.result, self.parameters)
         recorded = EndReason(self.episode.end_reason)
         if recorded == reason or recorded is EndReason.INTERRUPTED:
             return

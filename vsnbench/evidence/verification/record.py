@@ -114,6 +114,7 @@ class VerifiedRecord:
                     ModelRow.weights_sha256,
                     ModelRow.code,
                     ModelRow.files,
+                    ModelRow.settings,
                     ModelRow.sha256.label("model_sha256"),
                 ),
             )

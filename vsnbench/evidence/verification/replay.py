@@ -36,7 +36,7 @@ from vsnbench.simulator.dynamics.physics import simulator_version
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
-from vsnbench.values.model.card import copy_of
+from vsnbench.values.model.card import Anchor, copy_of
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.step import StepRecord
@@ -91,6 +91,9 @@ def _obstacle(episode: Row[Any], condition: RecordedCondition) -> str:
         return f"recorded with another simulator than {simulator_version()}"
     if condition.disturbances and condition.row.conditions.get(EDITION) != CURRENT_EDITION:
         return "recorded with another edition of the disturbances"
+    execution = condition.parameters.execution
+    if execution is not None and execution.latency_s is None:
+        return "the robot drove on for as long as the model took, which depends on the machine"
     return ""
 
 
@@ -110,7 +113,7 @@ def _robot(condition: RecordedCondition) -> SimulatedRobot:
 def _replay(
     robot: SimulatedRobot, condition: RecordedCondition, episode: Row[Any], steps: Sequence[StepRecord]
 ) -> Iterator[Finding]:
-    policy = _built_in(condition) or _RecordedActions(steps)
+    policy = _built_in(condition) or _RecordedActions(steps, Anchor(condition.row.settings.get("anchor", "capture")))
     comparison = _Comparison(episode.id, steps)
     plan = EpisodePlan(
         robot.site,
@@ -151,8 +154,8 @@ def _built_in(condition: RecordedCondition) -> Policy | None:
 class _RecordedActions(Policy):
     """Answers with the recorded actions of an episode."""
 
-    def __init__(self, steps: Sequence[StepRecord]) -> None:
-        self.card = ModelCard(name="recorded actions", action_kinds=frozenset(ActionKind))
+    def __init__(self, steps: Sequence[StepRecord], anchor: Anchor) -> None:
+        self.card = ModelCard(name="recorded actions", action_kinds=frozenset(ActionKind), anchor=anchor)
         self._steps = iter(steps)
 
     def reset(self, goal: str, seed: int) -> None:

@@ -1,23 +1,45 @@
 """The oracle by waypoints: the plan of the oracle, with each turn and the way straight on after it as one waypoint."""
 
+import math
 from dataclasses import replace
 
 from vsnbench.models.baselines.oracle import Oracle
+from vsnbench.models.baselines.route import Route
+from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.values.action import Action
-from vsnbench.values.decision import Decision
+from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.movement import MAX_DISTANCE_M, ActionKind, Waypoint
 from vsnbench.values.observation import Observation
+from vsnbench.values.pose import Pose, wrap_angle
+
+_OFF_ROUTE_M = 0.25
+"""A robot that drives on and is farther than this from its route needs another one."""
+_STUCK_S = 2.0
+_STUCK_M, _STUCK_RAD = 0.02, math.radians(3)
+"""A robot that drives on and has moved less than this for that long was stopped by the guard."""
+_ARRIVED_M, _FACES_RAD = 0.08, math.radians(6)
 
 
 class WaypointOracle(Oracle):
-    """Upper bound for models that answer with waypoints."""
+    """Upper bound for models that answer with waypoints.
+
+    Where the robot drives on while it thinks, it keeps its first plan as a route, and answers with the corner that
+    follows the place where the robot will be when the answer takes effect.
+    """
 
     card = replace(
         Oracle.card, name="oracle-waypoints", action_kinds=frozenset({ActionKind.DISCRETE, ActionKind.WAYPOINT})
     )
+    _route: Route | None = None
+    _last: tuple[float, Pose] | None = None
+    """Time and pose of the observation before."""
+    _still: tuple[float, Pose] | None = None
+    """Since when the robot has been where it is."""
 
     def act(self, observation: Observation) -> Decision:
         """Return the next waypoint of the plan; see `Oracle.act`."""
+        if self._parameters.execution is not None and self._space is not None:
+            return self._act_driving(self._space, observation)
         decision = super().act(observation)
         if decision.action is Action.STOP or self._planner is None:
             return decision
@@ -30,6 +52,50 @@ class WaypointOracle(Oracle):
         self._before_move = here if moves else None
         waypoint = Waypoint(pose.x_m, pose.y_m, None if moves else pose.heading_rad)
         return Decision(waypoint, diagnostics=decision.diagnostics)
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._route = self._last = self._still = None
+
+    def _act_driving(self, space: FreeSpace, observation: Observation) -> Decision:
+        """Return the waypoint for a robot that drives on until the answer takes effect."""
+        here, now_s = self._start.compose(observation.pose), observation.stamp_s
+        ahead_m = 0.0 if self._last is None else here.distance_to(self._last[1])
+        self._last = now_s, here
+        if self._is_stuck(here, now_s) and self._route is not None:
+            self._refused.append(here)
+            self._route = None
+        if self._route is None or self._route.advance(here) > _OFF_ROUTE_M:
+            self._still = None
+            self._make_plan(space, here, observation.camera.mount_height_m)
+            if self._planner is None:
+                return Decision(Action.STOP, diagnostics=Diagnostics(note=self._note))
+            self._route = Route(self._planner.follow(here, self._actions))
+        route = self._route
+        shown = tuple(pose.relative_to(self._start).position for pose in route.poses)
+        diagnostics = Diagnostics(sub_goal=shown[-1], path=shown, scalars={"route_left_m": route.left_m})
+        turn_rad = abs(wrap_angle(route.end.heading_rad - here.heading_rad))
+        if route.left_m < _ARRIVED_M and turn_rad < _FACES_RAD:
+            return Decision(Action.STOP, diagnostics=diagnostics)
+        corner, is_end = route.corner_after(ahead_m)
+        target = corner.relative_to(here)
+        if (distance_m := math.hypot(*target.position)) > MAX_DISTANCE_M:
+            share = 0.99 * MAX_DISTANCE_M / distance_m
+            return Decision(Waypoint(share * target.x_m, share * target.y_m), diagnostics=diagnostics)
+        heading_rad = wrap_angle(target.heading_rad) if is_end else None
+        return Decision(Waypoint(target.x_m, target.y_m, heading_rad), diagnostics=diagnostics)
+
+    def _is_stuck(self, here: Pose, now_s: float) -> bool:
+        still = self._still
+        if (
+            still is None
+            or here.distance_to(still[1]) > _STUCK_M
+            or abs(wrap_angle(here.heading_rad - still[1].heading_rad)) > _STUCK_RAD
+        ):
+            self._still = now_s, here
+            return False
+        latency_s = 0.0 if self._parameters.execution is None else self._parameters.execution.latency_s or 0.0
+        return now_s - still[0] > _STUCK_S + 2 * latency_s
 
 
 def _straight_on(plan: tuple[Action, ...]) -> tuple[Action, ...]:

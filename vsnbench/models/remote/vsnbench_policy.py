@@ -219,9 +219,10 @@ def serve(  # noqa: PLR0913 - what its command line has
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
             optionally `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"), `weights_sha256`,
-            `weights_label`, `settings`, `action_map`, `deterministic` and `runs_on` (device, threads, ...). `act`
-            returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally `raw_action`,
-            `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a `Task`.
+            `weights_label`, `settings`, `action_map`, `anchor`, `deterministic` and `runs_on` (device, threads, ...).
+            `act` returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally
+            `raw_action`, `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a
+            `Task`.
             Or a class (any function without arguments) that creates such an object: it is called once for each session.
             Or an object with `card`, `new_state(goal, seed)` and `act_batch(observations, states)`, which all sessions
             share: `new_state` returns the state of a new episode, and `act_batch` changes the states and returns a list
@@ -547,13 +548,21 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "action_map": _action_map(given.get("action_map")),
         **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
         **({} if given.get("camera") is None else {"camera": plain(_camera(given["camera"]))}),
+        **_anchor(given.get("anchor")),
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
     *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
+    "anchor",
 )
+
+
+def _anchor(given: Any) -> dict[str, str]:
+    """Return the anchor of a card where it is not the default."""
+    anchor = _known([given or "capture"], ("capture", "arrival"), "anchors")[0]
+    return {} if anchor == "capture" else {"anchor": anchor}
 
 
 def _camera(given: Any) -> Any:

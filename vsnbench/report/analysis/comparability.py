@@ -1,7 +1,7 @@
 """Conditions that can be compared: same robot, site and protocol, and enough completed trials."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from vsnbench.report.analysis.conditions import Condition
 
@@ -52,3 +52,13 @@ def shared_goals(
         common = set.intersection(*goals) if goals else set()
         shared |= {condition.number: common for condition in group}
     return shared
+
+
+def kinds_note(conditions: Iterable[Condition]) -> str:
+    """Return that numbers of actions are not comparable, where kinds or executions differ; else empty."""
+    conditions = tuple(conditions)
+    if len({condition.execution for condition in conditions}) > 1:
+        return "Some of these robots drive on while the model thinks, so numbers of actions are not comparable."
+    if len({condition.action_kinds for condition in conditions}) < 2:
+        return ""
+    return "These models answer with different kinds of actions, so their numbers of actions are not comparable."

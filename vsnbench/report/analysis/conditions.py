@@ -1,13 +1,14 @@
 """Conditions of a report, with short unique names and a footnote for each."""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sqlalchemy import Connection, or_, select
 
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
+from vsnbench.protocol.execution import STOP_AND_GO, execution_of, text_of_execution
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
 from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
@@ -17,7 +18,7 @@ from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.values.movement import ActionKind
 from vsnbench.values.robot_identity import REHEARSAL_KEY
 
-_NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m")
+_NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m", "execution")
 """Parameters of the protocol with a facet of their own."""
 _CONDITIONS_ABOVE = (DISTURBANCES, EDITION, REHEARSAL_KEY)
 _SIMULATOR = "robot simulator"
@@ -101,6 +102,11 @@ class Condition:
         return tuple(sorted(map(str, kinds)))
 
     @property
+    def execution(self) -> str:
+        """`stop_and_go` or `continuous`; only equal ones compare numbers of actions."""
+        return execution_of(self.protocol)
+
+    @property
     def max_actions(self) -> int | None:
         """Maximum number of actions; None if the protocol has none."""
         return self.protocol.get("max_actions")
@@ -133,7 +139,8 @@ class Condition:
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
             f"protocol {self.protocol_name}" if self.protocol_name not in ("", PAPER_PROTOCOL) else "",
-            f"at most {self.max_actions} actions" if self.max_actions is not None else "",
+            text_of_execution(self.protocol) if self.execution != STOP_AND_GO else "",
+            f"at most {self.max_actions} actions" if self.max_actions and self.execution == STOP_AND_GO else "",
             f"at most {self.max_time_s:g} s" if self.max_time_s is not None else "",
             f"at most {self.max_path_m:g} m of path" if self.max_path_m is not None else "",
             f"success under {self.success_distance_m:g} m" if self.success_distance_m is not None else "",
@@ -146,13 +153,6 @@ class Condition:
             "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",
         ]
         return "; ".join(part for part in parts if part) + "."
-
-
-def kinds_note(conditions: Iterable[Condition]) -> str:
-    """Return that numbers of actions are not comparable, where models answer with different kinds; else empty."""
-    if len({condition.action_kinds for condition in conditions}) < 2:
-        return ""
-    return "These models answer with different kinds of actions, so their numbers of actions are not comparable."
 
 
 def footnotes(conditions: Sequence[Condition]) -> tuple[str, ...]:
@@ -244,8 +244,7 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     A model with one condition keeps its name. With several conditions none has the bare name, so that a command that
     uses it asks for the exact condition. A footnote names the simulator if another model was tried in another version.
     """
-    names: dict[int, str] = {}
-    differing: dict[int, tuple[str, ...]] = {}
+    names, differing = dict[int, str](), dict[int, tuple[str, ...]]()
     all_facets = [dict(_facets(condition)) for condition in conditions]
     for model in dict.fromkeys(condition.model for condition in conditions):
         places = [place for place, condition in enumerate(conditions) if condition.model == model]
@@ -311,6 +310,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
     yield "noise", "with noise" if condition.noisy else "without noise"
     yield "disturbances", f"with {condition.disturbed}" if condition.disturbed else "undisturbed"
+    yield "execution", text_of_execution(condition.protocol)
     yield "rehearsal", "in rehearsal" if condition.conditions.get(REHEARSAL_KEY) else "not in rehearsal"
     if condition.protocol_name:
         yield "protocol", f"under {condition.protocol_name}"

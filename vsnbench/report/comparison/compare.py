@@ -133,7 +133,7 @@ class Comparison:
     @property
     def compares_actions(self) -> bool:
         """Whether numbers of actions are comparable: both models answer with the same kinds."""
-        return self.first.action_kinds == self.second.action_kinds
+        return (self.first.action_kinds, self.first.execution) == (self.second.action_kinds, self.second.execution)
 
     @property
     def level(self) -> float:

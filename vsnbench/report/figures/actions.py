@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from vsnbench.report.analysis.activity import Rows
-from vsnbench.report.analysis.conditions import footnotes, kinds_note
+from vsnbench.report.analysis.comparability import kinds_note
+from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
     COLORS,

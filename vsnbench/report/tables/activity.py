@@ -6,7 +6,8 @@ from typing import Any
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.activity import Rows
-from vsnbench.report.analysis.conditions import footnotes, kinds_note
+from vsnbench.report.analysis.comparability import kinds_note
+from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import COUNT, FLAG, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row

@@ -1,7 +1,7 @@
 """What JSON says of a condition: model, robot, site and protocol."""
 
 from vsnbench.report.measures import COUNT, FLAG, NUMBER, TEXT, Measure, Measures
-from vsnbench.results.model import PROVENANCE
+from vsnbench.results.model import EPISODE, PROVENANCE
 
 _SURVEYED = "the model receives the site file: an upper bound, not a competitor"
 _ACTIONS, _TIME = "limit of actions per episode", "limit of time per episode on the robot's clock"
@@ -19,6 +19,7 @@ CONDITION = Measures.shared(
     Measure("site", TEXT, "name of the site"),
     Measure("site_sha256", TEXT, "SHA-256 of the site's content"),
     Measure("protocol_name", TEXT, "name of the protocol; empty if none is recorded"),
+    Measure("execution", TEXT, EPISODE["execution"].meaning),
     Measure("max_actions", COUNT, _ACTIONS, null="if the protocol has none"),
     Measure("max_time_s", NUMBER, _TIME, null="for no limit"),
     Measure("max_path_m", NUMBER, "limit of the driven path per episode", null="for no limit"),

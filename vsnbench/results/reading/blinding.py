@@ -46,6 +46,8 @@ def hide_step(step: StepRecord) -> StepRecord:
         recorded_at=None,
         stamp_s=None,
         timings=StepTimings(),
+        answer=None,
+        result=step.result and replace(step.result, waiting_s=None),
         probabilities={},
         details={},
     )

@@ -296,7 +296,7 @@ class StepRow(TableBase):
     details: Mapped[dict[str, Any] | None]
     movement: Mapped[dict[str, Any] | None]
     """Parameters of an action that has some (`vsnbench.values.movement`), `path_m` of what was driven, and `part`
-    [number, count] of a chunk; NULL for a discrete action."""
+    [number, count] of a chunk; in continuous execution `waiting_s` and `answer`; NULL for a discrete action."""
     rgb_file_digest: Mapped[str | None]
     """Digest of the bytes of the colour file; NULL without a file, and for steps from before schema 0009."""
     depth_file_digest: Mapped[str | None]

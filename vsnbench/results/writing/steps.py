@@ -9,7 +9,7 @@ import math
 import sqlite3
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, Self
 
@@ -34,7 +34,7 @@ from vsnbench.results.writing.lifecycle import LEASE, EpisodeState, lease
 from vsnbench.values.action import Action
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import Movement, movement_from_json, movement_to_json
-from vsnbench.values.step import StepRecord, StepTimings
+from vsnbench.values.step import AnswerTiming, StepRecord, StepTimings
 
 logger = logging.getLogger(__name__)
 
@@ -218,12 +218,16 @@ def thinking_s(episode_id: int) -> ScalarSelect[float | None]:
 
 
 def _movement_json(step: StepRecord) -> dict[str, Any] | None:
-    """Return the JSON of a step's movement and of its place in a chunk; None for a discrete action."""
+    """Return the JSON of a step's movement, of its place in a chunk and of its times; None for a discrete action."""
     content = {} if step.movement is None else movement_to_json(step.movement)
     if step.part is not None:
         content["part"] = list(step.part)
     if step.result is not None and step.result.path_m is not None:
         content["path_m"] = number(step.result.path_m)
+    if step.result is not None and step.result.waiting_s is not None:
+        content["waiting_s"] = number(step.result.waiting_s)
+    if step.answer is not None:
+        content["answer"] = asdict(step.answer)
     return content or None
 
 
@@ -234,8 +238,8 @@ def step_of_row(row: Any) -> StepRecord:
         ValueError: the row has invalid values.
     """
     result = None
-    movement, part, path_m = _movement_of(row.movement)
-    if not row.blocked or path_m is not None:  # a movement that the guard ended has a result
+    driven = _Driven.of(row.movement)
+    if not row.blocked or driven.path_m is not None:  # a movement that the guard ended has a result
         collision = None
         if row.collision_source is not None:
             collision = Collision(CollisionSource(row.collision_source), row.collision_touched or "")
@@ -247,7 +251,8 @@ def step_of_row(row: Any) -> StepRecord:
             collision=collision,
             failure=row.failure,
             blocked=row.refusal,
-            path_m=path_m,
+            path_m=driven.path_m,
+            waiting_s=driven.waiting_s,
             corrections=row.corrections,
             pose=pose_of_columns(row.after_x_m, row.after_y_m, row.after_heading_rad),
         )
@@ -267,23 +272,47 @@ def step_of_row(row: Any) -> StepRecord:
         probabilities=row.probabilities or {},
         details=row.details or {},
         recorded_at=row.recorded_at,
-        movement=movement,
-        part=part,
+        movement=driven.movement,
+        part=driven.part,
+        answer=driven.answer,
         refusal=row.refusal,
     )
 
 
-def _movement_of(content: Any) -> tuple[Movement | None, tuple[int, int] | None, float | None]:
-    """Return the movement, the place in a chunk and the driven length of a `movement` column."""
-    if content is None:
-        return None, None, None
-    try:
-        movement = movement_from_json(content) if "kind" in content else None
-        part = (int(content["part"][0]), int(content["part"][1])) if "part" in content else None
-        return movement, part, float(content["path_m"]) if content.get("path_m") is not None else None
-    except (TypeError, IndexError, AttributeError) as error:
-        raise ValueError(f"invalid movement: {error}") from error
+@dataclass(frozen=True, slots=True)
+class _Driven:
+    """Content of a `movement` column."""
+
+    movement: Movement | None = None
+    part: tuple[int, int] | None = None
+    path_m: float | None = None
+    waiting_s: float | None = None
+    answer: AnswerTiming | None = None
+
+    @classmethod
+    def of(cls, content: Any) -> Self:
+        """Read a column.
+
+        Raises:
+            ValueError: it has invalid values.
+        """
+        if content is None:
+            return cls()
+        try:
+            return cls(
+                movement_from_json(content) if "kind" in content else None,
+                (int(content["part"][0]), int(content["part"][1])) if "part" in content else None,
+                _float(content.get("path_m")),
+                _float(content.get("waiting_s")),
+                AnswerTiming(**content["answer"]) if "answer" in content else None,
+            )
+        except (TypeError, IndexError, AttributeError) as error:
+            raise ValueError(f"invalid movement: {error}") from error
 
 
 def _known(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+def _float(value: Any) -> float | None:
+    return None if value is None else float(value)

@@ -12,6 +12,7 @@ from vsnbench.protocol.limits import Spent
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
+from vsnbench.runner.episode.continuous import ContinuousStepper
 from vsnbench.runner.episode.depth_guard import get_ready
 from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.episode.step import EpisodePlan, Step, Stepper
@@ -110,12 +111,15 @@ def run_episode(
             task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
         reason: EndReason | None = None
-        stepper = Stepper(robot, calls, view, plan, here, stop)
+        stepper_class = Stepper if plan.parameters.execution is None else ContinuousStepper
+        stepper = stepper_class(robot, calls, view, plan, here, stop)
         while reason is None:
             step, reason = stepper.take(spent, here)
             recorder.step(step)
             spent, here = step.spent, step.site_after
             operator.step_taken(plan, step)
+            if step.answer is not None and step.answer.stale:
+                recorder.event("stale", f"the answer was {step.answer.age_s:.1f} s old, and was dropped")
             if step.blocked:
                 recorder.event("blocked", step.refusal)
                 if reason is None and step.guard is not None:

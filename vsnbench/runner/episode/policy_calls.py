@@ -27,6 +27,7 @@ from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, memory_problem, sanitize
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.model.card import Anchor
 from vsnbench.values.movement import Movement
 from vsnbench.values.observation import Budget, Observation, shown_to_policy
 from vsnbench.values.pose import Pose
@@ -55,6 +56,11 @@ class PolicyCalls:
         self._name = policy.card.name
         self._card = replace(policy.card, action_map=dict(policy.card.action_map))
         self._robot: RobotFacts | None = None
+
+    @property
+    def anchor(self) -> Anchor:
+        """Which pose of the robot the model's answers refer to while it drives on."""
+        return self._card.anchor
 
     def begin(self, site: Site, start: Pose, task: Task, parameters: ProtocolParameters, base: Base) -> None:
         """Begin an episode; only a policy that asks for the survey is handed the site and the true start.

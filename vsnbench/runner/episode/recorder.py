@@ -151,7 +151,7 @@ class EpisodeRecorderFanOut:
         driving_s = step.result.duration_s if step.result else 0.0
         if step.result is not None and step.result.path_m is not None:  # longer than the line between its two ends
             self._detour_m += max(step.result.path_m - step.site_before.pose.distance_to(step.site_after.pose), 0.0)
-        self._trajectory.append(StampedPose(step.observation.stamp_s + driving_s, step.site_after.pose))
+        self._trajectory.append(StampedPose(step.ended_s, step.site_after.pose))
         self._last_number = step.index
         self._robot_time_s += driving_s
         if self._worker is None:
@@ -239,6 +239,7 @@ def record_of_step(step: Step, images: WrittenImages) -> StepRecord:
         refusal=step.refusal,
         movement=decision.movement,
         part=step.part,
+        answer=step.answer,
         observed=observation.pose,
         stamp_s=observation.stamp_s,
         world=step.site_after,

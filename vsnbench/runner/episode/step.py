@@ -27,7 +27,7 @@ from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
 from vsnbench.values.movement import Pixel, Sidestep
 from vsnbench.values.observation import Budget, Observation
-from vsnbench.values.step import StepTimings
+from vsnbench.values.step import AnswerTiming, StepTimings, lasted_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +53,14 @@ class Step:
     """Number from 1 and count, for a part of a chunk."""
     refusal: str = ""
     """Why the action was refused or ended early, or an empty string."""
+    answer: AnswerTiming | None = None
+    """In continuous execution, when the answer took effect."""
+
+    @property
+    def ended_s(self) -> float:
+        """Time of the end of its motion on the robot's clock."""
+        stamp_s = self.observation.stamp_s
+        return stamp_s + lasted_s(stamp_s, self.result, self.answer)
 
     @property
     def blocked(self) -> bool:

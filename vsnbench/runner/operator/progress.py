@@ -96,7 +96,8 @@ class ProgressDisplay(Display):
         """Show the last action, the number of actions, and what is left of a time or path limit."""
         action = step.decision.action.value.replace("_", " ").lower()
         left = budget_left(step.spent, self._parameters)
-        now = f"{goal} from {start}: {step.index}/{self._parameters.max_actions}"
+        limit = self._parameters.action_limit
+        now = f"{goal} from {start}: {step.index}" + ("" if limit is None else f"/{limit}")
         if left.time_left_s is not None:
             now += f" {left.time_left_s:.0f} s left"
         if left.path_left_m is not None:

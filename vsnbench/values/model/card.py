@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import field, fields, replace
+from enum import StrEnum
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -44,6 +45,15 @@ def _tilts(mapped: Mapping[Action, Action]) -> Mapping[Action, Action]:
     if not all(can_replace(*pair) for pair in mapped.items()):
         raise ValueError("must map LOOK_UP and LOOK_DOWN to other actions: {Action.LOOK_UP: Action.NOOP}")
     return mapped
+
+
+class Anchor(StrEnum):
+    """Pose of the robot that an answer's coordinates refer to, in continuous execution."""
+
+    CAPTURE = "capture"
+    """The robot's pose when the image was captured: the runner moves the answer by the odometry since then."""
+    ARRIVAL = "arrival"
+    """Its pose when the answer arrives: the model compensates the motion itself."""
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(strict=True))
@@ -89,6 +99,9 @@ class ModelCard:
         frozenset({GoalKind.CATEGORY})
     )
     """Kinds of goals that the model takes. A model of text goals also takes categories, as words."""
+    anchor: Anchor = Anchor.CAPTURE
+    """Pose that coordinates of answers refer to where the robot drives on while the model thinks. Part of the identity
+    where it is `arrival`."""
     deterministic: bool = field(default=True, compare=False)
     """Whether the same seed and observations give the same actions. Not part of the identity."""
     surveyed: bool = False
@@ -118,6 +131,8 @@ class ModelCard:
             settings["action_kinds"] = sorted(self.action_kinds)
         if self.action_map:
             settings["action_map"] = {tilt.value: action.value for tilt, action in sorted(self.action_map.items())}
+        if self.anchor is not Anchor.CAPTURE:
+            settings["anchor"] = self.anchor.value
         return replace(self, settings=settings, files=files, code=code)
 
     def difference(self, other: Self) -> str:

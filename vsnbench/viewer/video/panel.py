@@ -100,9 +100,10 @@ class EpisodePanel:
         if is_end:
             self._write_result(canvas)
         elif self._style.details:
-            limit = header.parameters.max_actions
+            limit = header.parameters.action_limit
+            most = "" if limit is None else f" of at most {limit}"
             done = self._banner.inset(self._line // 2)
-            canvas.write(f"action {number + 1} of at most {limit}", done, self._style.text, FAINT)
+            canvas.write(f"{'answer' if limit is None else 'action'} {number + 1}{most}", done, self._style.text, FAINT)
 
     def _write_step(self, canvas: FrameCanvas, entry: StepEntry) -> None:
         step, words = entry.step, self._words

@@ -1,11 +1,10 @@
 """Controller of a curved path: pure pursuit (Coulter 1992, CMU-RI-TR-92-01) with the speed profile of a move."""
 
 import math
-from bisect import bisect_left
-from itertools import accumulate, pairwise
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.law import acceleration, braking_speed, speed, turn_error_rad
+from vsnbench.control.paths.path_progress import PathProgress
 from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.slowest import SlowestVelocity
@@ -13,12 +12,6 @@ from vsnbench.control.stall import StallMonitor
 from vsnbench.control.standstill import QUIET, PathRest, StandstillNoise, is_quiet
 from vsnbench.values.pose import Pose, advanced
 
-_LOOK_AHEAD_M = 0.20
-"""Distance along the path of the point that is pursued."""
-_LEAST_LOOK_AHEAD_M = 0.08
-_BEND_RAD = 0.35
-"""A path that bends more than this within the look-ahead is pursued from nearer, or its bends would be cut."""
-_STEP_M = 0.02
 _TURN_ON_SPOT_RAD = math.radians(50)
 """With a larger bearing to the pursued point, the robot turns on the spot."""
 _END_M = 0.002
@@ -55,9 +48,8 @@ class PathController(Controller):
     ) -> None:
         super().__init__()
         self._settings = settings
-        self._path = path
-        self._at_m = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(path))]
-        self.length_m = self._at_m[-1]
+        self._path = PathProgress(path)
+        self.length_m = self._path.length_m
         self._limit_s = 2 * self.length_m / settings.linear_m_s + len(path) * 3.0 + settings.timeout_s
         cruise_m_s, way_m = settings.linear_m_s, settings.forward_m
         self._acceleration = acceleration(cruise_m_s, way_m, settings.acceleration_share)
@@ -68,7 +60,6 @@ class PathController(Controller):
         self._slowest_m_s = max(response.slowest_m_s, settings.slowest_m_s, _SLOWEST_M_S)
         slowest_rad_s = max(response.slowest_rad_s, settings.slowest_rad_s)
         self._slowest_turn = SlowestVelocity(slowest_rad_s, settings.angular_rad_s, math.inf, settings)
-        self._progress_m = 0.0
         self._speed = 0.0
         self._is_ending = False
         self._began_s: float | None = None
@@ -85,7 +76,7 @@ class PathController(Controller):
     @property
     def remaining_m(self) -> float:
         """Length of the path that is left."""
-        return max(self.length_m - self._progress_m, 0.0)
+        return self._path.remaining_m
 
     @property
     def rest_since_s(self) -> float:
@@ -110,7 +101,7 @@ class PathController(Controller):
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall()}")
         pending_m, pending_rad = self._sent.pending(now_s, stamp_s)
         expected = self._smoothed(advanced(pose, pending_m, pending_rad), period_s, stamp_s)
-        off_m = self._update_progress(expected)
+        off_m = self._path.advance(expected)
         if off_m > _OFF_PATH_M:
             return self.abort(f"{off_m:.2f} m off its path: {self._shortfall()}")
         if self._is_stuck(pose, now_s, stamp_s, pending_m, pending_rad):
@@ -148,7 +139,7 @@ class PathController(Controller):
         return self._estimate
 
     def _pursue(self, pose: Pose, period_s: float) -> Command:
-        x_m, y_m = self._point_at(self._progress_m + self._look_ahead_m())
+        x_m, y_m = self._path.pursued()
         reach_m = max(math.hypot(x_m - pose.x_m, y_m - pose.y_m), 0.05)
         bearing_rad = turn_error_rad(math.atan2(y_m - pose.y_m, x_m - pose.x_m), pose.heading_rad)
         fastest_rad_s = self._settings.angular_rad_s
@@ -166,45 +157,6 @@ class PathController(Controller):
         turning_rad_s = max(-fastest_rad_s, min(self._speed * curvature, fastest_rad_s))
         return Command(self._speed, self._slowest_turn.in_turns(turning_rad_s, period_s))
 
-    def _look_ahead_m(self) -> float:
-        """Return the distance of the point to pursue: shorter in a sharp bend, and towards the end."""
-        ahead_m = min(_LOOK_AHEAD_M, max(self.remaining_m, _LEAST_LOOK_AHEAD_M))
-        bend_rad = abs(
-            turn_error_rad(self._direction_rad(self._progress_m + ahead_m), self._direction_rad(self._progress_m))
-        )
-        return max(_LEAST_LOOK_AHEAD_M, ahead_m * min(1.0, _BEND_RAD / max(bend_rad, 1e-9)))
-
-    def _direction_rad(self, at_m: float) -> float:
-        (ax, ay), (bx, by) = self._point_at(at_m), self._point_at(at_m + _STEP_M)
-        return math.atan2(by - ay, bx - ax)
-
-    def _update_progress(self, pose: Pose) -> float:
-        """Advance to the nearest point of the path not far ahead; return the distance to it."""
-        best_m, best_at_m = math.inf, self._progress_m
-        at_m = self._progress_m
-        while at_m <= min(self._progress_m + 1.5 * _LOOK_AHEAD_M, self.length_m):
-            x_m, y_m = self._point_at(at_m)
-            away_m = math.hypot(x_m - pose.x_m, y_m - pose.y_m)
-            if away_m < best_m:
-                best_m, best_at_m = away_m, at_m
-            at_m += _STEP_M / 2
-        self._progress_m = best_at_m
-        end_x_m, end_y_m = self._path[-1]
-        if self.remaining_m < _LOOK_AHEAD_M:  # near the end, what counts is the distance ahead along the last segment
-            before_x_m, before_y_m = self._path[-2]
-            direction_rad = math.atan2(end_y_m - before_y_m, end_x_m - before_x_m)
-            ahead_m = (end_x_m - pose.x_m) * math.cos(direction_rad) + (end_y_m - pose.y_m) * math.sin(direction_rad)
-            self._progress_m = max(self._progress_m, self.length_m - max(ahead_m, 0.0))
-        return best_m
-
-    def _point_at(self, at_m: float) -> tuple[float, float]:
-        """Return the point at a length of the path; beyond its end, on the extension of the last segment."""
-        k = min(max(bisect_left(self._at_m, at_m) - 1, 0), len(self._path) - 2)
-        (ax, ay), (bx, by) = self._path[k], self._path[k + 1]
-        span_m = self._at_m[k + 1] - self._at_m[k]
-        share = (at_m - self._at_m[k]) / span_m if span_m > 0 else 0.0
-        return ax + share * (bx - ax), ay + share * (by - ay)
-
     def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float, pending_m: float, pending_rad: float) -> bool:
         """Return whether the base covered too little of what it was commanded, without what is still to take effect."""
         if now_s - stamp_s > _STALE_SHARE * self._settings.stall_s:
@@ -214,4 +166,4 @@ class PathController(Controller):
         return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad - pending_rad) or stuck
 
     def _shortfall(self) -> str:
-        return f"followed {self._progress_m:.2f} m of {self.length_m:.2f} m"
+        return f"followed {self._path.progress_m:.2f} m of {self.length_m:.2f} m"

@@ -1,0 +1,86 @@
+"""Continuous execution: the robot drives on while the model thinks.
+
+The model is called with the newest observation whenever it is free. Its answer takes effect when it arrives, and
+replaces the running path without a stop. In stop-and-go execution, the default, the robot rests while the model thinks.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from vsnbench.errors import UsageError
+from vsnbench.values.movement import ActionKind
+
+STOP_AND_GO: Final = "stop_and_go"
+CONTINUOUS: Final = "continuous"
+"""The two words for how trials are executed, in records and reports."""
+MEASURED: Final = "measured"
+KINDS_WHILE_DRIVING: Final = frozenset(
+    {ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY, ActionKind.PIXEL}
+)
+"""Kinds of answers that can replace a running path. Discrete actions, moves and chunks go from rest to rest."""
+SECONDS_PER_ACTION: Final = 2.0
+"""Time that a continuous trial has for each action of `max_actions`, where the protocol has no limit of time. A move of
+0.25 m at 0.3 m/s takes 1.4 s, a turn of 30 degrees at 0.5 rad/s 1.7 s."""
+_OPTION = "--continuous"
+
+
+class Execution(BaseModel):
+    """Parameters of continuous execution."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    latency_s: float | None = Field(
+        default=None,
+        ge=0,
+        le=60,
+        description="declared time from the capture of an image to the effect of the answer; none: as measured",
+    )
+    max_rate_hz: float = Field(default=10.0, gt=0, le=50, description="the model is called at most this often")
+    max_answer_age_s: float = Field(default=5.0, gt=0, le=60, description="an older answer is dropped as stale")
+
+    @model_validator(mode="after")
+    def _check_latency(self) -> Self:
+        if self.latency_s is not None and self.latency_s > self.max_answer_age_s:
+            raise ValueError(
+                f"a latency of {self.latency_s:g} s makes every answer older than max_answer_age_s "
+                f"({self.max_answer_age_s:g} s): the robot would never drive"
+            )
+        return self
+
+
+def parse_continuous(text: str) -> Execution:
+    """Return the execution of a value of `--continuous`: a latency in seconds, or `measured`.
+
+    Raises:
+        UsageError: it is neither, or no answer could take effect (`invalid-latency`).
+    """
+    if text.strip() == MEASURED:
+        return Execution()
+    most_s = Execution().max_answer_age_s
+    try:
+        latency_s = float(text)
+    except ValueError:
+        latency_s = -1.0
+    if not 0 <= latency_s <= most_s:
+        raise UsageError(
+            f"{_OPTION} {text}: a latency must be 0 to {most_s:g} s, the age at which an answer is dropped",
+            advice=f"give seconds, like {_OPTION} 0.3, or {MEASURED}",
+            code="invalid-latency",
+        )
+    return Execution(latency_s=latency_s)
+
+
+def text_of_execution(protocol: Mapping[str, Any]) -> str:
+    """Return how trials under recorded parameters were executed, such as `continuous, latency 0.3 s`."""
+    recorded = protocol.get("execution")
+    if not isinstance(recorded, Mapping):
+        return STOP_AND_GO
+    latency_s = recorded.get("latency_s")
+    return f"{CONTINUOUS}, {'measured latency' if latency_s is None else f'latency {latency_s:g} s'}"
+
+
+def execution_of(protocol: Mapping[str, Any]) -> str:
+    """Return how trials under recorded parameters were executed, in one word."""
+    return CONTINUOUS if protocol.get("execution") else STOP_AND_GO
