@@ -13,7 +13,7 @@ from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import Drive
-from vsnbench.values.pose import Pose, wrap_angle
+from vsnbench.values.pose import Pose
 
 LOOK_PERIOD_S = 0.1
 """Simulated time between two depth images while a robot moves."""
@@ -124,7 +124,7 @@ class DrivingOn:
             duration_s=self._now_s - self._start_s,
             collision=touched,
             failure=failure,
-            pose=Pose(here.x_m, here.y_m, wrap_angle(here.heading_rad)),
+            pose=here.wrapped,
             path_m=self._path_m if self._mover is None else self._mover.path_m,
             blocked=self._blocked,
             sensor_lost=self._follower.sensor_lost,

@@ -17,7 +17,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, Robot, Watch
 from vsnbench.robots.driving_on import LOOK_PERIOD_S, DrivingOn
 from vsnbench.robots.simulated_mover import SimulatedMover
-from vsnbench.sensing.images.rectifier import Rectifier
+from vsnbench.sensing.images.rectifier import levelled
 from vsnbench.sensing.movement_check import displacement_m, remaining_m
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
 from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
@@ -31,7 +31,7 @@ from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
-from vsnbench.values.pose import LEVEL, Attitude, Pose, wrap_angle
+from vsnbench.values.pose import LEVEL, Pose
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
 from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
@@ -69,6 +69,7 @@ class SimulatedRobot(Robot):
         self.site = site
         self.profile = profile
         self.noise = noise
+        self._knows_attitude = getattr(profile.interface, "attitude", None) is not None
         self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
         self._draws_labels = Sensor.INSTANCES in read or noise is not None
         self._draws_colours = self._draws_labels or Sensor.RGB in read
@@ -147,8 +148,8 @@ class SimulatedRobot(Robot):
             depth_m = self._renderer.measure(camera, here, attitude)
         beyond_range = depth_m > np.float32(camera.depth_max_m)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        pose = _reported(self._odometry)
-        rectifier, camera = self._leaning(camera, attitude)
+        pose = self._odometry.wrapped
+        rectifier, camera = levelled(camera, attitude if self._knows_attitude else LEVEL)
         if rectifier is not None:
             depth_m, beyond_range = rectifier.depth(depth_m), rectifier.labels(beyond_range)
             if "rgb" in colours:
@@ -159,13 +160,6 @@ class SimulatedRobot(Robot):
             self._physics.time_s, camera, depth_m=depth_m, pose=pose, beyond_range=beyond_range, **colours
         )
 
-    def _leaning(self, camera: Camera, attitude: Attitude) -> tuple[Rectifier | None, Camera]:
-        """Return the rectifier for images at an attitude, and their camera; None if the robot does not know it."""
-        attitude = attitude.rounded
-        if attitude == LEVEL or getattr(self.profile.interface, "attitude", None) is None:
-            return None, camera
-        return Rectifier(camera, None, 0, attitude), camera.on(attitude)
-
     def _with_noise(self, view: Frame, rng: np.random.Generator) -> npt.NDArray[np.float32]:
         if self.noise is None:
             return view.depth_m
@@ -175,7 +169,7 @@ class SimulatedRobot(Robot):
         """Execute a movement leg by leg. A contact stops it at once, and so does `watch`."""
         self._require_begun()
         if movement == STOP:
-            return MotionResult(completed=True, pose=_reported(self._odometry))
+            return MotionResult(completed=True, pose=self._odometry.wrapped)
         self._motion = motion = _Motion(movement, self._odometry, self._physics.time_s)
         if self._mover is not None:
             return self._driven(self._mover, motion, watch)
@@ -197,7 +191,7 @@ class SimulatedRobot(Robot):
             motion,
             MotionResult(
                 completed=not failure and not blocked,
-                collision=self._collision_with(touch),
+                collision=self._collision(touch),
                 failure=failure,
                 corrections=0 if controller is None else controller.corrections,
                 blocked=blocked,
@@ -287,7 +281,7 @@ class SimulatedRobot(Robot):
 
         result = mover.drive(motion.movement, blocked_now)
         self._odometry, motion.path_m = mover.reading, mover.path_m
-        touched = self._collision_with(mover.touch)
+        touched = self._collision(mover.touch)
         if touched is not None:
             result = replace(result, completed=False, failure=f"touched {touched.touched}")
         return self._measured(
@@ -302,11 +296,11 @@ class SimulatedRobot(Robot):
             displacement_m=displacement_m(motion.movement, motion.start, self._odometry),
             turn_rad=self._odometry.heading_rad - motion.start.heading_rad,
             duration_s=self._physics.time_s - motion.start_s,
-            pose=_reported(self._odometry),
+            pose=self._odometry.wrapped,
             path_m=None if holds_heading(motion.movement) else motion.path_m,
         )
 
-    def _collision_with(self, touch: Touch | None) -> Collision | None:
+    def _collision(self, touch: Touch | None) -> Collision | None:
         return Collision(CollisionSource.CONTACT, self._name_of(touch)) if touch else None
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
@@ -317,7 +311,7 @@ class SimulatedRobot(Robot):
         else:
             depth_m = self._with_noise(self._renderer.render(camera, self._physics.pose, attitude), self._depth_rng)
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        rectifier, camera = self._leaning(camera, attitude)
+        rectifier, camera = levelled(camera, attitude if self._knows_attitude else LEVEL)
         depth_m = depth_m if rectifier is None else rectifier.depth(depth_m)
         return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
 
@@ -353,8 +347,3 @@ class SimulatedRobot(Robot):
     def _name_of(self, touch: Touch) -> str:
         """Return the ID of the touched object, or the category of the part of the building."""
         return self.site.objects[touch.instance - 1].id if touch.instance else touch.category
-
-
-def _reported(pose: Pose) -> Pose:
-    """Return odometry with a wrapped heading, as robots report it."""
-    return Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))

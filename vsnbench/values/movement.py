@@ -134,7 +134,6 @@ _CLASS_OF: Final[Mapping[str, type[Movement]]] = {KIND_OF[made].value: made for 
 DRIVE_KINDS: Final = frozenset({ActionKind.MOVE, ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY})
 """Kinds that every base executes as one movement; some bases also execute SIDESTEP, see `RobotProfile.drive_kinds`."""
 ADAPTER_KINDS: Final = DRIVE_KINDS | {ActionKind.SIDESTEP}
-"""Kinds that a motion adapter may execute."""
 
 
 def action_of(movement: Movement) -> Action:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from vsnbench.errors import SensorLostError, SensorNotDeclaredError
 from vsnbench.values.camera import Camera
-from vsnbench.values.pose import Pose, wrap_angle
+from vsnbench.values.pose import Pose
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -151,7 +151,7 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor], budget
             measured["beyond_range"] = _private(observation.beyond_range)
     if Sensor.ODOMETRY in sensors:
         pose = observation.pose
-        measured["pose"] = Pose(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
+        measured["pose"] = pose.wrapped
     if Sensor.INSTANCES in sensors and observation.instances is not None:
         labels = observation.instances
         ids = labels.ids.view()  # no copy: neither depth guard nor record uses the simulator's labels

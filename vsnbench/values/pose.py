@@ -49,6 +49,11 @@ class Pose:
         """The heading in degrees, not wrapped."""
         return math.degrees(self.heading_rad)
 
+    @property
+    def wrapped(self) -> Self:
+        """The same pose with its heading in [-pi, pi)."""
+        return type(self)(self.x_m, self.y_m, wrap_angle(self.heading_rad))
+
     def compose(self, local: "Pose") -> "Pose":
         """Return `local`, given in this pose's frame, in the parent frame."""
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)

@@ -160,6 +160,15 @@ class Rectifier:
         return cast("Pixels", np.ascontiguousarray(np.rot90(pixels, -self._turns))) if self._turns else pixels
 
 
+def levelled(camera: Camera, attitude: Attitude) -> tuple[Rectifier | None, Camera]:
+    """Return the rectifier of images that an ideal camera took at an attitude, and the camera of the result.
+
+    Without a rectifier, the images are level as they are.
+    """
+    attitude = attitude.rounded
+    return (None, camera) if attitude == LEVEL else (Rectifier(camera, None, 0, attitude), camera.on(attitude))
+
+
 def _nearest(
     source: npt.NDArray[np.float32], shape: tuple[int, ...]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
