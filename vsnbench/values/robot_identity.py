@@ -16,6 +16,8 @@ ROS1 = "ros1"
 """Kind of a real or simulated robot over ROS 1."""
 ROS2 = "ros2"
 """Kind of a real or simulated robot over ROS 2."""
+IMPORTED = "imported"
+"""Origin of imported episodes, and kind of their robots."""
 REHEARSAL_KEY = "pretends_to_be_real"
 """Condition of a rehearsal, as records and simulators have it."""
 
