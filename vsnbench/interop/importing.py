@@ -21,14 +21,14 @@ from vsnbench.results.files.staged_import import StagedImport, remove_stale_impo
 from vsnbench.results.reading.queries import images_directories
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import unjudged_end
-from vsnbench.results.writing.imports import IMPORTED, ImportedEpisode
+from vsnbench.results.writing.imports import ImportedEpisode
 from vsnbench.results.writing.journal import Journal
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.images import decode_picture, encode_jpeg
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.robot_identity import RobotIdentity
+from vsnbench.values.robot_identity import IMPORTED, RobotIdentity
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.values.step import StepRecord
 

@@ -5,35 +5,32 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots
 from vsnbench.report.analysis.conditions import Selection
-from vsnbench.report.analysis.courses import Examined, measure_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
-from vsnbench.report.analysis.failures import read_failures
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
-from vsnbench.report.analysis.operators import OperatorActivity, read_operator_activity
+from vsnbench.report.analysis.operators import OperatorActivity, has_sessions, read_operator_activity
 from vsnbench.report.analysis.summary import ReportResults, summarise
-from vsnbench.report.comparison.question import ModelQuestion, questions
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.table import ReportTable
 from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
-from vsnbench.report.tables.failures import failure_table, judgement_table
 from vsnbench.report.tables.operators import operator_table, session_table
-from vsnbench.report.tables.progress import progress_tables
-from vsnbench.report.tables.question import question_tables
-from vsnbench.report.tables.reference import paper_comparison_table, paper_stability_table
 from vsnbench.report.tables.second_judgements import second_judgement_tables
-from vsnbench.report.tables.sensitivity import drift_table, sensitivity_tables
 from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
 from vsnbench.report.tables.success import goal_table, overview_table, start_table
 from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import sanitize
 from vsnbench.text.suggestions import unknown_name
+
+if TYPE_CHECKING:  # success tables need little: the modules of the others are imported where those are made
+    from vsnbench.report.analysis.courses import Examined
+    from vsnbench.report.comparison.question import ModelQuestion
 
 
 def read(url: str, selection: Selection, results_directory: Path | None = None) -> ReportData:
@@ -47,11 +44,13 @@ def read(url: str, selection: Selection, results_directory: Path | None = None) 
         return _read(engine, selection, results_directory)
 
 
-def _read(engine: Engine, selection: Selection, results_directory: Path | None) -> ReportData:
-    record = read_report_data(engine, selection, results_directory)
-    if record.conditions and not record.planned.empty:
+def _read(
+    engine: Engine, selection: Selection, results_directory: Path | None, *, for_success: bool = False
+) -> ReportData:
+    record = read_report_data(engine, selection, results_directory, for_success=for_success)
+    if record.conditions and record.planned:
         return record
-    everything = read_report_data(engine, Selection(), results_directory)
+    everything = read_report_data(engine, Selection(), results_directory, for_success=True)
     if not everything.conditions:
         raise RecordError(
             f"the record in {database_label(engine)} holds no campaign to report",
@@ -64,7 +63,7 @@ def _why_nothing_fits(selection: Selection, everything: ReportData) -> str:
     """Return which value of a selection is unknown, or the values that the record has."""
     recorded = {
         "model": (selection.models, {sanitize(summary.model) for summary in everything.conditions}),
-        "goal": (selection.goals, {sanitize(goal) for goal in everything.planned["goal"]}),
+        "goal": (selection.goals, {sanitize(goal) for _, goal, _ in everything.planned}),
         "site": (selection.sites, {sanitize(summary.site) for summary in everything.conditions}),
         "robot": (selection.robots, {sanitize(summary.robot) for summary in everything.conditions}),
     }
@@ -86,7 +85,7 @@ class Report:
     """None if only the rates were requested."""
     reference: bool = False
     """Show the paper's results next to the recorded ones."""
-    questions: tuple[ModelQuestion, ...] = ()
+    questions: "tuple[ModelQuestion, ...]" = ()
     """Comparisons of models; empty if only the rates were requested."""
     operator_activity: OperatorActivity | None = None
     """None without operators, or with one operator in one session."""
@@ -96,36 +95,53 @@ class Report:
     def tables(self, *, long: bool = False) -> list[ReportTable]:
         """Return the tables in reading order; `long` adds the long ones."""
         results, activity = self.results, self.activity
-        tables = question_tables(self.questions)
+        tables: list[ReportTable] = []
+        if self.questions:
+            from vsnbench.report.tables.question import question_tables
+
+            tables += question_tables(self.questions)
         if len(results.conditions) > 1:
             tables.append(overview_table(results))
         tables += [goal_table(summary) for summary in results.conditions]
         if (defined := definition_table(self.record.goals, results)) is not None:
             tables.append(defined)
         if self.reference:
+            from vsnbench.report.tables.reference import paper_comparison_table
+
             tables.append(paper_comparison_table(results))
         tables += self._sim_vs_real_tables(long=long)
         if (ends := end_reason_table(results)).rows:
             tables.append(ends)
         if activity:
-            tables.append(stability_table(activity.robots))
-            if self.reference:
-                tables.append(paper_stability_table())
-            if activity.actions:
-                tables.append(action_table(results, activity.actions))
-            found = (failure_table(results, activity.failures), judgement_table(results, activity.judgements))
-            tables += [table for table in found if table]
-            tables += progress_tables(self.record, results, activity)
+            tables += self._activity_tables(activity)
         tables += second_judgement_tables(self.raters)
         tables += self._operator_tables(long=long)
         if long:
+            from vsnbench.report.tables.sensitivity import sensitivity_tables
+
             tables += sensitivity_tables(self.record, results)
             tables += [start_table(summary) for summary in results.conditions]
         return tables
 
+    def _activity_tables(self, activity: Activity) -> list[ReportTable]:
+        from vsnbench.report.tables.failures import failure_table, judgement_table
+        from vsnbench.report.tables.progress import progress_tables
+        from vsnbench.report.tables.reference import paper_stability_table
+
+        tables = [stability_table(activity.robots)]
+        if self.reference:
+            tables.append(paper_stability_table())
+        if activity.actions:
+            tables.append(action_table(self.results, activity.actions))
+        found = (failure_table(self.results, activity.failures), judgement_table(self.results, activity.judgements))
+        tables += [table for table in found if table]
+        return [*tables, *progress_tables(self.record, self.results, activity)]
+
     def _operator_tables(self, *, long: bool) -> list[ReportTable]:
         if self.operator_activity is None:
             return []
+        from vsnbench.report.tables.sensitivity import drift_table
+
         tables = [operator_table(self.operator_activity)]
         if self.operator_activity["sessions"]:
             tables.append(session_table(self.operator_activity))
@@ -167,14 +183,18 @@ def build(
     """
     if not activity:
         with open_record(url) as engine:
-            record = _read(engine, selection, results_directory)
-            # Most records have no operators: skip the query for them.
-            operator_activity = (
-                read_operator_activity(engine, record) if record.episodes["session"].nunique() > 1 else None
-            )
+            # Most records have no operators: the success tables need fewer columns.
+            attended = has_sessions(engine)
+            record = _read(engine, selection, results_directory, for_success=not attended)
+            several = attended and record.episodes["session"].nunique() > 1
+            operator_activity = read_operator_activity(engine, record) if several else None
             raters = read_rater_agreements(engine, record)
         results = summarise(record)
         return Report(record, results, reference=reference, operator_activity=operator_activity, raters=raters)
+    from vsnbench.report.analysis.courses import measure_courses
+    from vsnbench.report.analysis.failures import read_failures
+    from vsnbench.report.comparison.question import questions
+
     with nullcontext(executor) if executor else ThreadPoolExecutor(1) as counter:
         # Submitted before the record is opened, because a forked process must not inherit the connection.
         counting = counter.submit(_actions, url, selection)

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, select
 
@@ -10,8 +10,10 @@ from vsnbench.errors import RecordError, UsageError
 from vsnbench.results.fields import quantity
 from vsnbench.results.schema.row_encoding import find_or_insert
 from vsnbench.results.schema.tables import CampaignRow, GoalRow, SiteRow, TrialRow
-from vsnbench.sites.goals import SiteGoal
 from vsnbench.values.goal import GoalKind
+
+if TYPE_CHECKING:
+    from vsnbench.sites.goals import SiteGoal
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ def _target_text(target: Mapping[str, Any]) -> str:
 
 
 def store_goals(
-    connection: Connection, campaign_id: int, goals: Iterable[SiteGoal], names: Collection[str]
+    connection: Connection, campaign_id: int, goals: "Iterable[SiteGoal]", names: Collection[str]
 ) -> dict[str, int]:
     """Store those of a site's goals that trials name, and return their numbers by name.
 

@@ -18,6 +18,8 @@ ROS2 = "ros2"
 """Kind of a real or simulated robot over ROS 2."""
 ADAPTER = "adapter"
 """Kind of a real or simulated robot behind a motion adapter."""
+IMPORTED = "imported"
+"""Origin of imported episodes, and kind of their robots."""
 REHEARSAL_KEY = "pretends_to_be_real"
 """Condition of a rehearsal, as records and simulators have it."""
 

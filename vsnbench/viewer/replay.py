@@ -16,11 +16,11 @@ from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.entries import EpisodeEnd
-from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.sites.site import Site
 from vsnbench.values.encoding.codec import decision_from_record
 from vsnbench.values.encoding.image_digest import StepDigests
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.robot_identity import IMPORTED
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.values.step import StepRecord
 

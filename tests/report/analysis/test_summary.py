@@ -1,8 +1,11 @@
 """A summary counts the right episodes, and its numbers match them."""
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -151,20 +154,34 @@ def test_spl_is_over_the_episodes_whose_lengths_are_known(lab: Lab) -> None:
     assert (measured(total, "spl"), measured(total, "spl_episodes")) == (0.5, 1)
 
 
+def test_success_tables_load_neither_pandas_nor_what_other_tables_need(lab: Lab) -> None:
+    lab.write([Attempt(start=1), Attempt(start=2, success=False)])
+    code = (
+        "import sys\n"
+        "from vsnbench.report.analysis.conditions import Selection\n"
+        "from vsnbench.report.build import build\n"
+        "tables = build(sys.argv[1], Selection(), activity=False).tables()\n"
+        "print(len(tables), *sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code, lab.url], capture_output=True, text=True, check=True)
+    number, *modules = run.stdout.split()
+    assert int(number) >= 1
+    assert {"pandas", "shapely", "ruamel.yaml", "psutil", "matplotlib"} & set(modules) == set()
+
+
 LENGTHS = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
 
 
 @settings(deadline=None, max_examples=50)
 @given(st.lists(st.tuples(st.booleans(), LENGTHS, LENGTHS, LENGTHS), min_size=1, max_size=20))
 def test_the_columns_of_spl_agree_with_the_protocol(rows: list[tuple[bool, float, float, float]]) -> None:
-    import pandas as pd
-
-    frame = pd.DataFrame(rows, columns=["success", "shortest_m", "remaining_m", "path_m"])
-    assert list(sct_of(frame, frame["shortest_m"] * 0 + 0.5, frame["path_m"])) == pytest.approx(
+    names = ("success", "shortest_m", "remaining_m", "path_m")
+    columns = {name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+    assert list(sct_of(columns, 0.5, columns["path_m"])) == pytest.approx(
         [sct(ok, ideal_time_s(shortest, 0.5), taken_s) for ok, shortest, _, taken_s in rows]
     )
-    assert list(spl_of(frame)) == pytest.approx([spl(ok, shortest, path) for ok, shortest, _, path in rows])
-    assert list(soft_spl_of(frame)) == pytest.approx(
+    assert list(spl_of(columns)) == pytest.approx([spl(ok, shortest, path) for ok, shortest, _, path in rows])
+    assert list(soft_spl_of(columns)) == pytest.approx(
         [soft_spl(shortest, left, path) for _, shortest, left, path in rows]
     )
 

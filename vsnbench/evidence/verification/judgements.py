@@ -20,11 +20,11 @@ from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
 from vsnbench.results.second_judgements import second_judgements
 from vsnbench.results.writing.campaigns import trial_seed
-from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.sites.targets import targets_of
 from vsnbench.text.sanitize import counted
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_identity import IMPORTED
 from vsnbench.values.step import StepRecord, taken_action
 
 _TOLERANCE = 1e-6

@@ -1,62 +1,70 @@
-"""Progress, SPL, SoftSPL and SCT of every episode of a DataFrame; `vsnbench.protocol.metrics` defines them."""
+"""Progress, SPL, SoftSPL and SCT of every episode, by column; `vsnbench.protocol.metrics` defines them."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.results.reading.blinding import HIDDEN_COLUMNS
 
-if TYPE_CHECKING:
-    import pandas as pd
+Floats = NDArray[np.float64]
+Columns = Mapping[str, Any]
+"""Columns of `episodes_frame.COLUMNS` by name, with one entry per episode."""
 
 
-def spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.spl` of every row; 0 for failures, whatever their lengths."""
-    efficiency = _efficiency(frame)
-    return efficiency.where(frame["success"], 0.0)
+def spl_of(episodes: Columns) -> Floats:
+    """Return `vsnbench.protocol.metrics.spl` of every episode; 0 for failures, whatever their lengths."""
+    return np.where(episodes["success"], _efficiency(episodes), 0.0)
 
 
-def progress_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.progress` of every row; NaN if a length is unknown."""
-    shortest, remaining = frame["shortest_m"], frame["remaining_m"]
-    moved = (1.0 - remaining / shortest.where(shortest > 0)).clip(0.0, 1.0)
-    there = (remaining <= 0).astype(float)  # the start was at the goal
-    return moved.where(shortest > 0, there).where(remaining.notna() & shortest.notna())
+def progress_of(episodes: Columns) -> Floats:
+    """Return `vsnbench.protocol.metrics.progress` of every episode; NaN if a length is unknown."""
+    shortest, remaining = np.asarray(episodes["shortest_m"]), np.asarray(episodes["remaining_m"])
+    moved = np.clip(1.0 - _ratio(remaining, shortest), 0.0, 1.0)
+    there = np.where(remaining <= 0, 1.0, 0.0)  # the start was at the goal
+    return np.where(np.isnan(shortest) | np.isnan(remaining), np.nan, np.where(shortest > 0, moved, there))
 
 
-def soft_spl_of(frame: "pd.DataFrame") -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.soft_spl` of every row."""
-    return progress_of(frame) * _efficiency(frame)
+def soft_spl_of(episodes: Columns) -> Floats:
+    """Return `vsnbench.protocol.metrics.soft_spl` of every episode."""
+    return progress_of(episodes) * _efficiency(episodes)
 
 
-def _efficiency(frame: "pd.DataFrame") -> "pd.Series[float]":
-    shortest, path = frame["shortest_m"], frame["path_m"]
-    longest = shortest.where(shortest >= path, path)
-    ratio = (shortest / longest.where(longest > 0)).where(longest > 0, 1.0)
-    return ratio.where(shortest.notna() & path.notna())
+def _efficiency(episodes: Columns) -> Floats:
+    return _share(np.asarray(episodes["shortest_m"]), np.asarray(episodes["path_m"]))
 
 
-def add_times(frame: "pd.DataFrame", conditions: Sequence[Condition]) -> "pd.DataFrame":
+def _share(ideal: Floats, taken: Floats) -> Floats:
+    """Return the ideal divided by the larger of both; 1 for no way at all, NaN if one is unknown."""
+    longest = np.where(ideal >= taken, ideal, taken)
+    share = np.where(longest > 0, _ratio(ideal, longest), 1.0)
+    return np.where(np.isnan(ideal) | np.isnan(taken), np.nan, share)
+
+
+def _ratio(part: Floats, whole: Floats) -> Floats:
+    with np.errstate(over="ignore"):  # of other writers' lengths
+        return np.asarray(part / np.where(whole > 0, whole, np.nan))
+
+
+def add_times(columns: dict[str, Any], conditions: Sequence[Condition]) -> None:
     """Add the column `sct`, and keep `thinking_s` where it counts: of real robots; blinded arms have no wall times."""
-    speeds = {condition.number: condition.max_linear_m_s for condition in conditions}
-    real = [condition for condition in conditions if not condition.simulated]
-    frame["thinking_s"] = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]))
+    condition = columns["condition"]
+    is_real = np.isin(condition, [one.number for one in conditions if not one.simulated])
+    columns["thinking_s"] = np.where(is_real, columns["thinking_s"], np.nan)
     # The time that a model thinks would reveal it in a blinded study.
-    if blind := [condition.number for condition in conditions if condition.blind]:
-        for name in HIDDEN_COLUMNS & set(frame.columns):
-            frame[name] = frame[name].where(~frame["condition"].isin(blind))
-    counted_s = frame["thinking_s"].where(frame["condition"].isin([condition.number for condition in real]), 0.0)
-    frame["sct"] = sct_of(frame, frame["condition"].map(speeds).astype(np.float64), frame["duration_s"] + counted_s)
-    return frame
+    is_blind = np.isin(condition, [one.number for one in conditions if one.blind])
+    for name in HIDDEN_COLUMNS & columns.keys() if is_blind.any() else ():
+        columns[name] = np.where(is_blind, None if columns[name].dtype == object else np.nan, columns[name])
+    counted_s = np.where(is_real, columns["thinking_s"], 0.0)
+    speeds = np.full(max((one.number for one in conditions), default=0) + 1, np.nan)
+    for one in conditions:
+        speeds[one.number] = np.nan if one.max_linear_m_s is None else one.max_linear_m_s
+    columns["sct"] = sct_of(columns, speeds[condition], columns["duration_s"] + counted_s)
 
 
-def sct_of(
-    frame: "pd.DataFrame", max_linear_m_s: "pd.Series[float]", taken_s: "pd.Series[float]"
-) -> "pd.Series[float]":
-    """Return `vsnbench.protocol.metrics.sct` of every row; 0 for failures, whatever is known of them."""
-    ideal = frame["shortest_m"] / max_linear_m_s.where(max_linear_m_s > 0)
-    longest = ideal.where(ideal >= taken_s, taken_s)
-    ratio = (ideal / longest.where(longest > 0)).where(longest > 0, 1.0).where(ideal.notna() & taken_s.notna())
-    return ratio.where(frame["success"], 0.0)
+def sct_of(episodes: Columns, max_linear_m_s: ArrayLike, taken_s: ArrayLike) -> Floats:
+    """Return `vsnbench.protocol.metrics.sct` of every episode; 0 for failures, whatever is known of them."""
+    ideal_s = _ratio(np.asarray(episodes["shortest_m"]), np.asarray(max_linear_m_s))
+    return np.where(episodes["success"], _share(ideal_s, np.asarray(taken_s)), 0.0)

@@ -1,8 +1,11 @@
-"""Reads the episodes of a record into a DataFrame, one row per episode, for all tables and figures.
+"""Reads the episodes of a record as columns, one entry per episode, for all tables and figures.
 
-A row takes about 200 bytes. Steps (10 million in a large record) stay in the database and are counted there.
+An episode takes about 200 bytes. Steps (10 million in a large record) stay in the database and are counted there. The
+columns become a DataFrame for those who ask for one: success tables do not, and loading pandas takes as long as reading
+50,000 episodes.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -49,6 +52,11 @@ _OF_RECORD = Fields(
     )
 )
 """Quantities that are read from the database, in the order of the columns."""
+_OF_SUCCESS = _OF_RECORD.but(
+    *("process", "session", "trial", "repetition", "goal_in_sight"),
+    *("wall_duration_s", "started_at", "ended_at", "images_directory"),
+)
+"""Quantities that the success tables need."""
 _COMPUTED = {
     "condition": "number of the condition, see `ReportData.conditions`",
     "success": "according to the current verdict; False without a verdict",
@@ -79,33 +87,6 @@ COLUMNS = _meanings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReportData:
-    """Conditions, episodes and planned trials of a report."""
-
-    conditions: tuple[Condition, ...]
-    episodes: "pd.DataFrame"
-    """One row per episode, with the columns of `COLUMNS`."""
-    planned: "pd.DataFrame"
-    """Planned trials: condition, goal, start, trials."""
-    sites: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """SHA-256 of a site -> its content."""
-    results_directory: Path | None = None
-    goals: Mapping[str, RecordedGoal] = field(default_factory=dict)
-    """Definitions of the goals that are not categories, by the name in the column `goal`."""
-    courses: "pd.DataFrame | None" = None
-    """Measures of the examined episodes (`courses.measure_courses`); None until they are measured."""
-
-    def of(self, condition: Condition) -> "pd.DataFrame":
-        """Return the episodes of one condition."""
-        return self.episodes[self.episodes["condition"] == condition.number]
-
-    def counted(self, condition: Condition | None = None) -> "pd.DataFrame":
-        """Return the counted episodes of one condition or of all."""
-        rows = self.episodes if condition is None else self.of(condition)
-        return rows[rows["state"] == COUNTED]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Codes:
     """A categorical column as integer codes."""
 
@@ -121,28 +102,31 @@ class Codes:
 
 
 class EpisodeColumns:
-    """Some rows of `ReportData.episodes`: an attribute is a column, as an array with one entry per episode.
+    """Some episodes of a record: an attribute is a column of `COLUMNS`, as an array with one entry per episode.
 
-    A column is read when it is asked for, so that many groups of the same episodes take little memory.
+    Texts are `Codes`; times and directories are as the database gives them. A column is read when it is asked for, so
+    that many groups of the same episodes take little memory.
     """
 
-    __slots__ = ("_columns", "_rows")
+    __slots__ = ("_columns", "_frame", "_rows")
 
     def __init__(self, columns: Mapping[str, Any], rows: Integers) -> None:
-        """Take rows of columns; those of categories are `Codes`."""
+        """Take rows of columns."""
         self._columns, self._rows = columns, rows
+        self._frame: pd.DataFrame | None = None
 
-    @classmethod
-    def of(cls, episodes: "pd.DataFrame") -> Self:
-        """Return all rows of `ReportData.episodes`, without the columns of texts and times."""
-        columns = {
-            str(name): Codes(values.cat.codes.to_numpy(), list(values.cat.categories))
-            if values.dtype == "category"
-            else values.to_numpy()
-            for name, values in episodes.items()
-            if values.dtype == "category" or values.dtype.kind in "biuf"
-        }
-        return cls(columns, np.arange(len(episodes)))
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """The episodes as a DataFrame, with the columns that were read; made when it is first asked for."""
+        if self._frame is None:
+            import pandas as pd
+
+            names = [name for name in COLUMNS if name in self._columns]
+            self._frame = pd.DataFrame({name: _of_frame(name, getattr(self, name)) for name in names})
+        return self._frame
+
+    def __len__(self) -> int:
+        return len(self._rows)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._columns:
@@ -164,12 +148,41 @@ class EpisodeColumns:
             yield value, self[rows]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportData:
+    """Conditions, episodes and planned trials of a report."""
+
+    conditions: tuple[Condition, ...]
+    columns: EpisodeColumns
+    planned: Mapping[tuple[int, str, int], int]
+    """(number of the condition, goal, starting position) -> number of planned trials."""
+    sites: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """SHA-256 of a site -> its content."""
+    results_directory: Path | None = None
+    goals: Mapping[str, RecordedGoal] = field(default_factory=dict)
+    """Definitions of the goals that are not categories, by the name in the column `goal`."""
+    courses: "pd.DataFrame | None" = None
+    """Measures of the examined episodes (`courses.measure_courses`); None until they are measured."""
+
+    @property
+    def episodes(self) -> "pd.DataFrame":
+        """One row per episode, with the columns of `COLUMNS`."""
+        return self.columns.frame
+
+    def of(self, condition: Condition) -> "pd.DataFrame":
+        """Return the episodes of one condition."""
+        return self.episodes[self.episodes["condition"] == condition.number]
+
+    def counted(self, condition: Condition | None = None) -> "pd.DataFrame":
+        """Return the counted episodes of one condition or of all."""
+        rows = self.episodes if condition is None else self.of(condition)
+        return rows[rows["state"] == COUNTED]
+
+
 def empty_report_data() -> ReportData:
     """Return an empty record, for published results without episodes."""
-    import pandas as pd
-
-    episodes = _whole(_typed([()] * len(_OF_RECORD.names)), {}).assign(sct=[])[list(COLUMNS)]
-    return ReportData((), episodes, pd.DataFrame(columns=["condition", "goal", "start", "trials"]))
+    nothing = {quantity.heading: _typed(quantity, (), {}) for quantity in _OF_RECORD}
+    return ReportData((), _whole(nothing, {}, (), {}, {}), {})
 
 
 def goal_order(goal: str) -> tuple[int, str]:
@@ -178,21 +191,31 @@ def goal_order(goal: str) -> tuple[int, str]:
 
 
 def read_report_data(
-    engine: Engine, selection: Selection | None = None, results_directory: Path | None = None
+    engine: Engine,
+    selection: Selection | None = None,
+    results_directory: Path | None = None,
+    *,
+    for_success: bool = False,
 ) -> ReportData:
-    """Read the data of a report."""
+    """Read the data of a report.
+
+    Args:
+        engine: the database.
+        selection: part of the record.
+        results_directory: directory with the images of the episodes.
+        for_success: read only the columns that the success tables need.
+    """
     chosen = selection or Selection()
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, chosen)
-        episodes = add_times(_episodes(connection, chosen, condition_of), conditions)[list(COLUMNS)]
-        planned = _planned(connection, chosen, condition_of)
-        for (campaign, goal), name in ambiguous_names(connection).items():
-            for frame in (episodes, planned):
-                frame["goal"] = frame["goal"].astype(object)
-                frame.loc[(frame["campaign"] == campaign) & (frame["goal"] == goal), "goal"] = name
-        episodes["goal"] = episodes["goal"].astype("category")
+        renamed = ambiguous_names(connection)
+        quantities = _OF_SUCCESS if for_success else _OF_RECORD
+        codes: _Codes = {}
+        read = _read(connection, quantities, trial_filter(chosen, condition_of), codes)
+        columns = _whole(read, codes, conditions, condition_of, renamed)
+        planned = _planned(connection, chosen, condition_of, renamed)
         sites, goals = site_contents(connection, condition_of), definitions(connection)
-    return ReportData(conditions, episodes, _grouped(planned), sites, results_directory, goals)
+    return ReportData(conditions, columns, planned, sites, results_directory, goals)
 
 
 def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any]:
@@ -207,12 +230,12 @@ def trial_filter(chosen: Selection, condition_of: Mapping[int, int]) -> list[Any
     return wanted
 
 
-def episodes_query() -> Select[Any]:
-    """Select the quantities of `_OF_RECORD` of every episode, ordered by number."""
+def episodes_query(quantities: Fields = _OF_RECORD) -> Select[Any]:
+    """Select quantities of `_OF_RECORD` of every episode, ordered by number."""
     # Truths and times are untyped: numpy and pandas convert them at once, SQLAlchemy one by one.
     columns = (
         type_coerce(quantity.sql[0], NullType()) if quantity.base in (bool, datetime) else quantity.sql[0]
-        for quantity in _OF_RECORD
+        for quantity in quantities
     )
     return episodes_of_trials(*columns).order_by(EpisodeRow.id)
 
@@ -221,73 +244,104 @@ _BATCH = 200
 """Rows alive at a time: the garbage collector traverses all of them repeatedly."""
 _PART = 20_000
 """Episodes held as Python objects at a time, before conversion to NumPy arrays of a fifth of the size."""
+_Codes = dict[str, dict[str | None, int]]
+"""Name of a column of texts -> text -> its code, in the order in which the texts were read."""
+_CODED = {"goal": (), "state": (COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING), "end_reason": ()}
+"""Columns of texts -> the categories; those that occur, in alphabetical order, if none are listed."""
 
 
-def _episodes(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
-    import pandas as pd
-
-    query = episodes_query().where(*trial_filter(chosen, condition_of))
+def _read(connection: Connection, quantities: Fields, trials: Sequence[Any], codes: _Codes) -> dict[str, Any]:
+    """Return columns of the episodes of some trials as arrays; texts as numbers, to which `codes` gets the key."""
+    query = episodes_query(quantities).where(*trials)
     found = connection.execution_options(yield_per=_BATCH).execute(query)
-    parts: list[pd.DataFrame] = []
-    columns: list[list[Any]] = [[] for _ in _OF_RECORD]
+    parts: list[list[Any]] = [[] for _ in quantities]
+    columns: list[list[Any]] = [[] for _ in quantities]
+
+    def convert() -> None:
+        for quantity, part, values in zip(quantities, parts, columns, strict=True):
+            part.append(_typed(quantity, values, codes))
+            values.clear()
+
     for rows in found.partitions():
         for column, values in zip(columns, zip(*rows, strict=True), strict=True):
             column.extend(values)
         if len(columns[0]) >= _PART:
-            parts.append(_typed(columns))
-            columns = [[] for _ in _OF_RECORD]
-    parts.append(_typed(columns))
-    frame = pd.concat(parts, ignore_index=True)
-    return _whole(frame, condition_of)
+            convert()
+    convert()
+    return {quantity.heading: np.concatenate(part) for quantity, part in zip(quantities, parts, strict=True)}
 
 
-def _whole(frame: "pd.DataFrame", condition_of: Mapping[int, int]) -> "pd.DataFrame":
-    """Add the derived columns, in the order and with the types of `COLUMNS`."""
+def _typed(quantity: Field, values: Sequence[Any], codes: _Codes) -> NDArray[Any]:
+    """Convert the driver's values of a quantity at once, for speed."""
+    if quantity.heading in _CODED:
+        known = codes.setdefault(quantity.heading, {})
+        return np.array([known.setdefault(text, len(known)) for text in values], np.int64)
+    if quantity.base is float:
+        numbers = np.array(values, np.float64)
+        return np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities
+    return np.array(values, {int: np.int64, bool: bool}.get(quantity.base, object))
+
+
+def _whole(
+    columns: dict[str, Any],
+    codes: _Codes,
+    conditions: Sequence[Condition],
+    condition_of: Mapping[int, int],
+    renamed: Mapping[tuple[int, str], str],
+) -> EpisodeColumns:
+    """Return what `_read` returned as the columns of `COLUMNS`, with the computed ones.
+
+    `condition_of` has the numbers of the conditions by campaign, `renamed` goals' names in this report.
+    """
+    numbers, known, campaigns = columns["goal"], codes.setdefault("goal", {}), columns["campaign"]
+    for (campaign, goal), name in renamed.items():
+        if goal in known:
+            numbers[(campaigns == campaign) & (numbers == known[goal])] = known.setdefault(name, len(known))
+    present = np.unique(numbers).tolist()
+    codes["goal"] = {goal: number for goal, number in known.items() if number in present}
+    for name, categories in _CODED.items():
+        columns[name] = _coded(columns[name], codes.get(name, {}), categories)
+    own, places = np.unique(campaigns, return_inverse=True)
+    columns["condition"] = np.array([condition_of[number] for number in own.tolist()], np.int64)[places]
+    columns["progress"] = progress_of(columns)
+    columns["spl"] = spl_of(columns)
+    columns["soft_spl"] = soft_spl_of(columns)
+    add_times(columns, conditions)
+    return EpisodeColumns(columns, np.arange(len(numbers)))
+
+
+def _coded(numbers: Integers, codes: Mapping[str | None, int], categories: Sequence[str]) -> Codes:
+    names = list(categories) or sorted(text for text in codes if text is not None)
+    moved = np.full(max(codes.values(), default=-1) + 1, -1, np.int64)
+    for place, name in enumerate(names):
+        if name in codes:
+            moved[codes[name]] = place
+    return Codes(moved[numbers], names)
+
+
+def _of_frame(name: str, values: Any) -> Any:
+    """Return a column as it is in the DataFrame."""
     import pandas as pd
 
-    for name in ("goal", "end_reason"):
-        frame[name] = frame[name].astype("category")
-    frame["state"] = pd.Categorical(frame["state"], categories=[COUNTED, UNJUDGED, VOID, SUPERSEDED, RUNNING])
-    frame.insert(1, "condition", frame["campaign"].map(dict(condition_of)).astype(np.int64))
-    frame["progress"] = progress_of(frame)
-    frame["spl"] = spl_of(frame)
-    frame["soft_spl"] = soft_spl_of(frame)
-    return frame
+    if isinstance(values, Codes):
+        return pd.Categorical.from_codes(values.numbers, pd.Index(list(values.names)))
+    if name in ("started_at", "ended_at"):
+        return pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
+    return values
 
 
-def _typed(columns: Sequence[Sequence[Any]]) -> "pd.DataFrame":
-    """Convert the driver's values of `_OF_RECORD` to the types of a DataFrame, column by column for speed."""
-    import pandas as pd
-
-    typed: dict[str, Any] = {}
-    for quantity, values in zip(_OF_RECORD, columns, strict=True):
-        if quantity.base is float:
-            numbers = np.array(values, np.float64)
-            # Other writers may store infinities.
-            typed[quantity.heading] = np.where(np.isfinite(numbers), numbers, np.nan)
-        elif quantity.base is datetime:
-            typed[quantity.heading] = pd.to_datetime(pd.Series(values, dtype=object), utc=True, format="ISO8601")
-        else:
-            typed[quantity.heading] = np.array(values, {int: np.int64, bool: bool}.get(quantity.base, object))
-    return pd.DataFrame(typed)
-
-
-def _planned(connection: Connection, chosen: Selection, condition_of: Mapping[int, int]) -> "pd.DataFrame":
-    import pandas as pd
-
+def _planned(
+    connection: Connection,
+    chosen: Selection,
+    condition_of: Mapping[int, int],
+    renamed: Mapping[tuple[int, str], str],
+) -> Counter[tuple[int, str, int]]:
     rows = connection.execute(
         select(TrialRow.campaign_id, TrialRow.goal, TrialRow.start, func.count())
         .where(*trial_filter(chosen, condition_of))
         .group_by(TrialRow.campaign_id, TrialRow.goal, TrialRow.start)
-    ).all()
-    frame = pd.DataFrame([tuple(row) for row in rows], columns=["campaign", "goal", "start", "trials"])
-    frame["condition"] = frame["campaign"].map(dict(condition_of)).astype(np.int64)
-    return frame
-
-
-def _grouped(frame: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the planned trials by condition, goal and start."""
-    grouped = frame.groupby(["condition", "goal", "start"], observed=True)["trials"].sum().reset_index()
-    for name in ("start", "trials"):
-        grouped[name] = grouped[name].astype(np.int64)
-    return grouped
+    )
+    planned: Counter[tuple[int, str, int]] = Counter()
+    for campaign, goal, start, trials in rows:
+        planned[condition_of[campaign], renamed.get((campaign, goal), goal), start] += trials
+    return planned

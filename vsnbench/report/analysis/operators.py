@@ -24,6 +24,12 @@ OperatorActivity = Mapping[str, Rows]
 """`sessions` in chronological order, and `operators` by name, as rows of the measures in `tables.operators`."""
 
 
+def has_sessions(engine: Engine) -> bool:
+    """Return whether a record has sessions of operators."""
+    with record_errors(engine), engine.connect() as connection:
+        return connection.scalar(select(SessionRow.id).limit(1)) is not None
+
+
 def read_operator_activity(engine: Engine, record: ReportData) -> OperatorActivity | None:
     """Return the operators and sessions; None without operators, or with one operator in one session."""
     with record_errors(engine), engine.connect() as connection:

@@ -4,10 +4,11 @@ Void episodes are never included in the rates; every group has the number of pla
 """
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vsnbench.report.analysis.cell_counts import CellCounts
 from vsnbench.report.analysis.comparability import shared_goals, shortcoming
@@ -18,9 +19,6 @@ from vsnbench.results.reading.read_model import COUNTED
 from vsnbench.statistics.clustered import Outcomes, rate_interval
 from vsnbench.statistics.rates import Interval, Proportion
 from vsnbench.values.goal import GoalKind
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +116,10 @@ class ConditionSummary:
     kinds: tuple[Group, ...] = ()
     """Totals by kind of goal; empty if all goals are of one kind."""
 
+    def over(self, goals: Collection[str]) -> Group:
+        """Return the sum over some goals, with what rates need."""
+        return sum_of(group for group in self.goals if group.goal in goals)
+
     @property
     def own_goals(self) -> tuple[str, ...]:
         """Names of the goals, in the order of the tables."""
@@ -153,17 +155,16 @@ class ReportResults:
 
 def summarise(record: ReportData) -> ReportResults:
     """Compute the statistics of all conditions."""
-    everything = EpisodeColumns.of(record.episodes)
+    everything = record.columns
     episodes, none = dict(everything.by(everything.condition)), everything[:0]
-    planned = {
-        condition.number: record.planned[record.planned["condition"] == condition.number]
-        for condition in record.conditions
-    }
+    planned: dict[int, dict[tuple[str, int], int]] = {condition.number: {} for condition in record.conditions}
+    for (number, goal, start), trials in record.planned.items():
+        planned[number][goal, start] = trials
     shared = shared_goals(
         record.conditions,
-        asked={number: set(trials["goal"].astype(str)) for number, trials in planned.items()},
+        asked={number: {goal for goal, _ in trials} for number, trials in planned.items()},
         done={
-            number: (int(episodes.get(number, none).state.of(COUNTED).sum()), int(trials["trials"].sum()))
+            number: (int(episodes.get(number, none).state.of(COUNTED).sum()), sum(trials.values()))
             for number, trials in planned.items()
         },
     )
@@ -179,7 +180,7 @@ def summarise(record: ReportData) -> ReportResults:
 def _condition(
     condition: Condition,
     episodes: EpisodeColumns,
-    planned: "pd.DataFrame",
+    planned: Mapping[tuple[str, int], int],
     shared: set[str],
     definitions: Mapping[str, RecordedGoal],
 ) -> ConditionSummary:
@@ -187,27 +188,30 @@ def _condition(
     cells = _cells(episodes)
     by_goal = {names[code]: mine for code, mine in episodes.by(episodes.goal.numbers)}
     by_start = dict(episodes.by(episodes.start))
-    trials_by_goal = planned.groupby("goal", observed=True)["trials"].sum()
-    trials_by_start = planned.groupby("start")["trials"].sum()
+    trials_by_goal: Counter[str] = Counter()
+    trials_by_start: Counter[int] = Counter()
+    for (goal, start), trials in planned.items():
+        trials_by_goal[goal] += trials
+        trials_by_start[start] += trials
 
     def kind_of(goal: str) -> GoalKind:
         return definitions[goal].kind if goal in definitions else GoalKind.CATEGORY
 
-    def group(outcomes: Outcomes, planned: Any, attempts: EpisodeColumns, **identity: Any) -> Group:
+    def group(outcomes: Outcomes, planned: int, attempts: EpisodeColumns, **identity: Any) -> Group:
         within_m = condition.success_distance_m
-        return Group(outcomes, int(planned), attempts, success_distance_m=within_m, **identity)
+        return Group(outcomes, planned, attempts, success_distance_m=within_m, **identity)
 
     def on(*goals: str) -> Outcomes:
         return cells.outcomes(Codes(cells.goals, names).of(*goals))
 
     goals = tuple(
         group(on(goal), trials_by_goal[goal], by_goal.get(goal, none), goal=goal, kind=kind_of(goal))
-        for goal in sorted(trials_by_goal.index, key=goal_order)
+        for goal in sorted(trials_by_goal, key=goal_order)
     )
     kinds = [kind for kind in GoalKind if kind in {goal.kind for goal in goals}]
 
     def total_of(goals: Collection[str], kind: GoalKind | None = None) -> Group:
-        trials = planned.loc[planned["goal"].isin(goals), "trials"].sum()
+        trials = sum(trials_by_goal[goal] for goal in goals)
         return group(on(*goals), trials, episodes[episodes.goal.of(*goals)], kind=kind)
 
     common = None
@@ -216,7 +220,7 @@ def _condition(
     return ConditionSummary(
         condition=condition,
         goals=goals,
-        total=group(cells.outcomes(), planned["trials"].sum(), episodes),
+        total=group(cells.outcomes(), sum(planned.values()), episodes),
         shared=common,
         starts=tuple(
             group(
@@ -225,7 +229,7 @@ def _condition(
                 by_start.get(start, none),
                 start=start,
             )
-            for start in sorted(trials_by_start.index.tolist())
+            for start in sorted(trials_by_start)
         ),
         shared_goals=tuple(sorted(shared, key=goal_order)),
         kinds=tuple(total_of([str(goal.goal) for goal in goals if goal.kind is kind], kind) for kind in kinds)

@@ -15,7 +15,7 @@ from vsnbench.errors import UsageError
 from vsnbench.report.analysis.comparability import MIN_COVERAGE
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData, empty_report_data, goal_order
-from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults, sum_of
+from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
 from vsnbench.report.comparison.effects import MEASURED, EffectComparison, effects
 from vsnbench.report.comparison.pairing import (
     Matches,
@@ -256,7 +256,7 @@ def _pair(side: _Side, other: _Side, *, by_goal: bool) -> Comparison:
 
 def _rate(scope: str, side: tuple[_Side, tuple[str, ...]], other: tuple[_Side, tuple[str, ...]]) -> RateComparison:
     first, second = (side[0].summary, side[1]), (other[0].summary, other[1])
-    a, b = over_goals(*first), over_goals(*second)
+    a, b = first[0].over(first[1]), second[0].over(second[1])
     pairing = None if scope == ALL else pair(first[0], second[0], first[1])
     matches = match(side[0].seeded, other[0].seeded, first[1]) if pairing else None
     if pairing:
@@ -273,8 +273,3 @@ def _rate(scope: str, side: tuple[_Side, tuple[str, ...]], other: tuple[_Side, t
 def _placed(outcomes: Outcomes, summary: ConditionSummary) -> bool:
     """Whether the starting position of every episode is known."""
     return not summary.condition.published and all(cell.cluster > 0 for cell in outcomes.cells)
-
-
-def over_goals(summary: ConditionSummary, goals: Sequence[str]) -> Group:
-    """Return the sum over some goals, with what rates need."""
-    return sum_of(group for group in summary.goals if group.goal in goals)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary
-from vsnbench.report.comparison.compare import SHARED, Comparison, over_goals
+from vsnbench.report.comparison.compare import SHARED, Comparison
 from vsnbench.report.comparison.pairing import placed_cells, same_places
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.multiple import Ranks, letters, ranks
@@ -52,7 +52,7 @@ def ranking_of(members: Sequence[ConditionSummary], comparisons: Sequence[Compar
     goals = tuple(sorted(shared, key=goal_order))
     cells, rates = _common_cells(members, goals)
     outcomes = [
-        Outcomes(tuple(several[n] for several in cells.values())) if cells else over_goals(summary, goals).outcomes
+        Outcomes(tuple(several[n] for several in cells.values())) if cells else summary.over(goals).outcomes
         for n, summary in enumerate(members)
     ]
     order = sorted(range(len(members)), key=lambda n: (-outcomes[n].proportion.rate, members[n].condition.number))

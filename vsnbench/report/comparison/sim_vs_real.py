@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
-from vsnbench.report.comparison.compare import over_goals
 from vsnbench.report.comparison.pairing import (
     Pairing,
     difference_interval,
@@ -88,8 +87,8 @@ def _pair_of(real: ConditionSummary, simulated: ConditionSummary) -> SimRealPair
         real=real.condition,
         simulated=simulated.condition,
         goals=goals,
-        first=over_goals(real, goals),
-        second=over_goals(simulated, goals),
+        first=real.over(goals),
+        second=simulated.over(goals),
         pairing=pair(real, simulated, goals),
         powered=_powered(real, simulated, goals),
     )

@@ -25,8 +25,8 @@ from vsnbench.report.figures.style import (
 from vsnbench.report.figures.text_layout import legend_below, shown
 from vsnbench.report.wording import listed
 from vsnbench.results.schema.engine import to_json
-from vsnbench.results.writing.imports import IMPORTED
 from vsnbench.text.sanitize import sanitize
+from vsnbench.values.robot_identity import IMPORTED
 
 _MOST_POINTS = 2000
 """Maximum number of points of a curve."""

@@ -14,7 +14,7 @@ from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.model import END_REASONS
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
-from vsnbench.results.writing.imports import IMPORTED
+from vsnbench.values.robot_identity import IMPORTED
 
 
 def definition_table(goals: Mapping[str, RecordedGoal], results: ReportResults) -> ReportTable | None:

@@ -4,7 +4,7 @@ from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import empty_report_data, goal_order
 from vsnbench.report.analysis.published import PAPER_INTERVALS, published, published_results
 from vsnbench.report.analysis.summary import ConditionSummary, Group, ReportResults
-from vsnbench.report.comparison.compare import Comparison, compare, over_goals
+from vsnbench.report.comparison.compare import Comparison, compare
 from vsnbench.report.table import (
     EMPTY,
     Column,
@@ -126,7 +126,7 @@ def _on_shared_goals(results: ReportResults, paper: ReportResults) -> list[Row]:
         shared = [goal for goal in _goals(other) if goal in _goals(summary)] if other else []
         if other is None or not shared or _goals(summary) == _goals(other):
             continue
-        mine, theirs = over_goals(summary, shared), over_goals(other, shared)
+        mine, theirs = summary.over(shared), other.over(shared)
         name = f"shared: {listed(shared)}"
         rows += [_row(name, summary, mine, theirs, total=True), _row(name, other, theirs, None, total=True)]
     return rows

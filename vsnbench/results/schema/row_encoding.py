@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, insert, select
 from sqlalchemy.dialects import postgresql, sqlite
@@ -12,10 +12,12 @@ from sqlalchemy.dialects import postgresql, sqlite
 from vsnbench.protocol.judge import Verdict
 from vsnbench.results.schema.base import TableBase
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
-from vsnbench.results.writing.provenance import Provenance
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.placement import MeasuredPlacement
 from vsnbench.values.pose import Pose
+
+if TYPE_CHECKING:
+    from vsnbench.results.writing.provenance import Provenance
 
 Row = dict[str, Any]
 """Column name -> value."""
@@ -73,7 +75,7 @@ def _distance_columns(verdict: Verdict | None, distance_column: str) -> Row:
     }
 
 
-def process_row(given: Provenance) -> Row:
+def process_row(given: "Provenance") -> Row:
     """Return the row of a writing process."""
     return {
         "host": text(given.identity.host),

@@ -18,10 +18,8 @@ from vsnbench.results.writing.episodes import PlaceFiles, attach_images, end_epi
 from vsnbench.results.writing.judging import judge
 from vsnbench.results.writing.lifecycle import RESULTS, EpisodeState
 from vsnbench.results.writing.steps import step_row
+from vsnbench.values.robot_identity import IMPORTED
 from vsnbench.values.step import StepRecord
-
-IMPORTED = "imported"
-"""Origin of imported episodes, and kind of their robots."""
 
 
 @dataclass(frozen=True, slots=True)
