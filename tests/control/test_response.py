@@ -43,6 +43,8 @@ def test_a_short_movement_or_one_that_does_not_follow_shows_no_response() -> Non
     blocked = [(at_s, min(way, 0.2)) for at_s, way in readings]
     assert measured_response(commands, blocked, least=0.05) is None
     assert measured_response(commands, readings[:5], least=0.05) is None
+    late = [(at_s - 60, way) for at_s, way in readings]
+    assert measured_response(commands, late, least=0.05) is None, "a simulator that falls behind, by its stamps"
 
 
 def test_a_meter_keeps_the_median_and_the_slowest_velocity_of_each_axis() -> None:

@@ -102,6 +102,7 @@ BEFORE: dict[str, Callable[[Shell], None]] = {
     "bundle.md": _finished_study,
     "console.md": _locked_study,
     "export.md": _two_models,
+    "lab-robots.md": _robot_of_the_examples,
     "look.md": _pairs,
     "models.md": _spinner,
     "pirlnav.md": _released_pirlnav,

@@ -26,7 +26,7 @@ _NEAR_M = 2.9
 GAIT = BaseDynamics(
     dead_time_s=0.1, motor_time_constant_s=0.15, sway_m=0.008, sway_hz=2.5, pitch_deg=1.5, roll_deg=1.5, lean_deg=1.5
 )
-"""What the Go2 of tests/ros/ros2/go2 does; a rough gait has more."""
+"""Roll and pitch as large as the standard deviations of the Go2 of tests/ros/ros2/go2; a rough gait has more."""
 ROUGH = GAIT.model_copy(update={"pitch_deg": 5.0, "roll_deg": 4.0, "lean_deg": 3.0})
 
 

@@ -234,6 +234,8 @@ def measured_response(
     if extent < least:
         return None
     times_s, velocities = np.array([t for t, _ in commands]), np.array([v for _, v in commands])
+    if at_s[-1] <= times_s[0]:  # by its stamps, the base measured nothing since the first command
+        return None
     grid_s = np.arange(times_s[0] - _DEAD_TIMES_S[-1] - _STEP_S, at_s[-1] + _STEP_S, _STEP_S)
     index = np.searchsorted(times_s, grid_s, side="right") - 1
     commanded = np.where(index >= 0, velocities[np.maximum(index, 0)], 0.0)

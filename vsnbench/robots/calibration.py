@@ -12,14 +12,15 @@ import numpy.typing as npt
 
 from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
-from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_differences
+from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_on
 from vsnbench.robots.ros.link import connect
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
-from vsnbench.sensing.images.floor_plane import Measured, NoFloorError, fit_floor
+from vsnbench.sensing.images.floor_plane import Measured, NoFloorError
 from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics
 from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
 from vsnbench.values.camera import Camera
+from vsnbench.values.pose import LEVEL, Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
@@ -66,19 +67,36 @@ def calibrate(profile: RobotProfile) -> CameraCalibration:
         camera = profile.camera
         if fov is not None:
             camera = camera.model_copy(update={"horizontal_fov_deg": fov.measured.value})
-        depth_m = _depth_m(link, camera)
+        attitude = _attitude(link)
+        depth_m = _depth_m(link, camera, attitude)
     finally:
         link.close()
     try:
-        floor = fit_floor(depth_m, camera.without_roll)
+        differences = mount_on(depth_m, camera, attitude)
     except NoFloorError as error:
         raise RobotError(
             f"the mount of the camera cannot be measured: {error}", advice=FREE_FLOOR_ADVICE, code="no-floor"
         ) from error
-    return CameraCalibration((*mount_differences(floor, profile.camera), *(() if fov is None else (fov,))))
+    return CameraCalibration((*differences, *(() if fov is None else (fov,))))
 
 
-def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
+def _attitude(link: RobotLink) -> Attitude:
+    """Return the attitude in which the base stands; level for a profile without its source.
+
+    Raises:
+        RobotError: its source gives none.
+    """
+    source = link.names.attitude
+    if source is None:
+        return LEVEL
+    attitudes = link.wait_for(lambda now: now.attitudes, _PATIENCE_S)
+    if not attitudes:
+        fault = link.snapshot().attitude_fault or f"no attitude on {source.topic} for {_PATIENCE_S:.0f} s"
+        raise RobotError(fault, code="no-attitude")
+    return attitudes[-1].payload
+
+
+def _depth_m(link: RobotLink, camera: Camera, attitude: Attitude) -> npt.NDArray[np.float32]:
     """Return the median of the robot's next depth images, rectified to `camera`.
 
     Raises:
@@ -96,7 +114,7 @@ def _depth_m(link: RobotLink, camera: Camera) -> npt.NDArray[np.float32]:
             advice="set the mode of the camera driver, or the camera of the profile",
             code="wrong-image-size",
         )
-    rectifier = rectifier_of(calibration, camera, topic, link.image_turns, of_own_size=of_own_size)
+    rectifier = rectifier_of(calibration, camera, topic, link.image_turns, attitude, of_own_size=of_own_size)
     return rectifier.depth(median_depth_m(decoded, camera.depth_min_m, camera.depth_max_m))
 
 

@@ -30,10 +30,12 @@ Found = TypeVar("Found")
 
 SOURCE_MEMORY_S = 2.0
 """A node counts as publisher of a topic for this long after its last message."""
-_ATTITUDE_PERIOD_S = 0.009
-_ATTITUDES = 300
 AGE_LIMIT_S = 1.0
 """Age of the last message from which a part does not answer."""
+_ATTITUDE_PERIOD_S = 0.009
+"""Shortest time between two attitudes that are kept; an IMU may send a thousand a second."""
+_ATTITUDES = 300
+"""Number of attitudes that are kept: those of 3 s, longer than a median of depth images takes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,10 +173,12 @@ class RobotReports:
             self._update(lambda _: {"attitude_fault": measured, "attitudes": ()})
             return
         known = self._snapshot.attitudes
-        if known and abs(stamp_s - known[-1].stamp_s) < _ATTITUDE_PERIOD_S:
+        if known and 0 <= stamp_s - known[-1].stamp_s < _ATTITUDE_PERIOD_S:
             return
-        taken = Stamped(measured, stamp_s, time.monotonic())
-        self._update(lambda now: {"attitude_fault": "", "attitudes": (*now.attitudes, taken)[-_ATTITUDES:]})
+        if known and stamp_s < known[-1].stamp_s:  # the clock was set back
+            known = ()
+        taken = (*known, Stamped(measured, stamp_s, time.monotonic()))[-_ATTITUDES:]
+        self._update(lambda _: {"attitude_fault": "", "attitudes": taken})
 
     def take_image(self, field: str, capacity: int, message: Any, stamp_s: float, topic: str, source: str) -> None:
         """Take an undecoded image.

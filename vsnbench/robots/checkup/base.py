@@ -15,20 +15,27 @@ from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
 from vsnbench.robots.checkup.images import image_results, image_type, turned_results
-from vsnbench.robots.checkup.odometry import TfReadings, attitude_results, frames_result, odometry_results
+from vsnbench.robots.checkup.odometry import (
+    TfReadings,
+    attitude_results,
+    attitudes_in,
+    frames_result,
+    last_attitude,
+    odometry_results,
+)
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.image_timing import rate_needed_hz
 from vsnbench.ros.common.hazard_topics import WRONG_TYPE
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.ros.common.messages import planar
-from vsnbench.ros.common.odometry import OdometryReader, attitude_of_imu
+from vsnbench.ros.common.odometry import OdometryReader
 from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.sensing.hazards import Hazard
-from vsnbench.sensing.odometry.attitude import AttitudeReader
 from vsnbench.sensing.odometry.odometry import PlanarReading
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Move
+from vsnbench.values.pose import Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
 LISTEN_S = 2.0
@@ -125,10 +132,11 @@ class RosCheckup(ABC):
                 topic: self.messages[topic] if self._has_type(topic, kind) else TopicMessages()
                 for topic, kind in self.topics.items()
             }
-            yield from image_results(self.profile, readable, self._read, self.image_turns)
+            attitudes = self._attitudes(readable)
+            yield from image_results(self.profile, readable, self._read, self.image_turns, last_attitude(attitudes))
             yield from frame_results(self.names, readable)
             yield from self._odometry_results(readable)
-            yield from self._attitude_results(readable)
+            yield from attitude_results(attitudes)
             yield from self._hazard_results()
             yield from self._base_results(readable)
             yield from clock_results(self.names, self.messages, self._remote_nodes())
@@ -281,22 +289,14 @@ class RosCheckup(ABC):
             readings = [PlanarReading(*planar(message), self._seconds(message.header.stamp)) for message in messages]
             yield from odometry_results(self.profile, readings)
 
-    def _attitude_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-        """Check the source of the base's attitude; TF is checked as odometry."""
-        names, source = self.names, self.names.attitude
-        if source is None or (names.tf and not names.imu):
-            return
-        kind = "sensor_msgs/Imu" if names.imu else "nav_msgs/Odometry"
-        if not self._has_type(source.topic, names.type_name(kind)):
-            return
-        reader, measured = AttitudeReader(source.topic, source.frame), []
-        for message in (self._read(kind, data) for data in readable[source.topic].messages):
-            if names.imu:
-                measured.append(attitude_of_imu(reader, message, self._seconds(message.header.stamp)))
-            else:
-                turn = message.pose.pose.orientation
-                measured.append(reader.read((turn.x, turn.y, turn.z, turn.w)))
-        yield from attitude_results(measured)
+    def _attitudes(self, readable: dict[str, TopicMessages]) -> list[Attitude | str]:
+        """Return the attitudes of the base; nothing from TF, which is checked as odometry."""
+        names, kind = self.names, "sensor_msgs/Imu" if self.names.imu else "nav_msgs/Odometry"
+        if names.attitude is None or (names.tf and not names.imu):
+            return []
+        topic = names.attitude.topic
+        heard = readable[topic].messages if self._has_type(topic, names.type_name(kind)) else []
+        return attitudes_in(names, [self._read(kind, data) for data in heard], self._seconds)
 
     def _motion_results(self) -> Iterator[CheckResult]:
         """Measure the response to commands; turn to the left and back, and compare with odometry and images."""

@@ -20,6 +20,7 @@ from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, Calibrati
 from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
 from vsnbench.sensing.images.regions import Region, invalid_region
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.pose import LEVEL, Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
 _MAX_HOLES = 0.4
@@ -43,7 +44,11 @@ def type_advice(wanted: str, found: str) -> str:
 
 
 def image_results(
-    profile: RobotProfile, messages: dict[str, TopicMessages], read: Read, turns: int = 0
+    profile: RobotProfile,
+    messages: dict[str, TopicMessages],
+    read: Read,
+    turns: int = 0,
+    attitude: Attitude = LEVEL,
 ) -> Iterator[CheckResult]:
     """Report whether the received images fit the profile.
 
@@ -52,6 +57,7 @@ def image_results(
         messages: received messages by topic.
         read: see Read.
         turns: number of clockwise quarter turns that set an image upright.
+        attitude: attitude of the base, which stands still.
     """
     names, camera = interface_of(profile), profile.camera
     frames: list[DepthImage] = []
@@ -100,10 +106,11 @@ def image_results(
     if frames:
         median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
         try:
-            rectifier = rectifier_of(calibrations.get(names.depth), camera, "", turns, of_own_size=of_own_size)
+            calibration = calibrations.get(names.depth)
+            rectifier = rectifier_of(calibration, camera, "", turns, attitude, of_own_size=of_own_size)
         except CalibrationError:
             return
-        yield from mount_results(rectifier.depth(median_m), camera)
+        yield from mount_results(rectifier.depth(median_m), camera, attitude)
 
 
 def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[CheckResult]:

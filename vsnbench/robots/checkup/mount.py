@@ -1,7 +1,7 @@
 """Check of the camera's mount by the floor in its depth image."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +9,7 @@ import numpy.typing as npt
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.images.floor_plane import FloorPlane, Measured, NoFloorError, fit_floor
 from vsnbench.values.camera import Camera
+from vsnbench.values.pose import LEVEL, Attitude
 
 ANGLE_LIMIT_DEG = 1.0
 """Largest error of tilt and roll."""
@@ -66,19 +67,40 @@ def mount_differences(floor: FloorPlane, camera: Camera) -> tuple[MountDifferenc
 _NAMES = {"mount_height_m": "camera height", "tilt_deg": "camera tilt", "roll_deg": "camera roll"}
 
 
-def mount_results(depth_m: npt.NDArray[np.float32], camera: Camera) -> Iterator[CheckResult]:
-    """Report whether the mount of the camera is that of the profile.
+def mount_on(
+    depth_m: npt.NDArray[np.float32], camera: Camera, attitude: Attitude = LEVEL
+) -> tuple[MountDifference, ...]:
+    """Return the differences of height, tilt and roll, measured on a base with an attitude, whose share is taken off.
 
     Args:
-        depth_m: (H, W) median of several depth images, rectified to `camera`.
+        depth_m: (H, W) median of several depth images, rectified to `camera` at the attitude.
         camera: camera of the profile.
+        attitude: attitude of the base.
+
+    Raises:
+        NoFloorError: the image shows too little floor.
     """
+    level = camera.on(attitude)
+    floor = fit_floor(depth_m, level)
+    height_m, tilt_deg = floor.height_m, floor.tilt_deg
+    upright = replace(
+        floor,
+        height_m=Measured(height_m.value + camera.mount_height_m - level.mount_height_m, height_m.std),
+        tilt_deg=Measured(tilt_deg.value + camera.tilt_deg - level.tilt_deg, tilt_deg.std),
+    )
+    return mount_differences(upright, camera)
+
+
+def mount_results(
+    depth_m: npt.NDArray[np.float32], camera: Camera, attitude: Attitude = LEVEL
+) -> Iterator[CheckResult]:
+    """Report whether the mount of the camera is that of the profile; for the arguments see `mount_on`."""
     try:
-        floor = fit_floor(depth_m, camera.without_roll)
+        differences = mount_on(depth_m, camera, attitude)
     except NoFloorError as error:
         yield CheckResult("camera mount", Health.WARNING, f"not checked: {error}", FREE_FLOOR_ADVICE)
         return
-    for difference in mount_differences(floor, camera):
+    for difference in differences:
         what = _NAMES[difference.field]
         if not difference.exceeds:
             yield CheckResult(what, Health.OK, difference.text)

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import (
@@ -15,11 +16,13 @@ from vsnbench.control.standstill import (
     too_noisy,
 )
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.ros.common.interface import OdometryFrames
+from vsnbench.ros.common.interface import OdometryFrames, RosInterface
+from vsnbench.ros.common.odometry import attitude_of_imu
+from vsnbench.sensing.odometry.attitude import AttitudeReader
 from vsnbench.sensing.odometry.odometry import OdometryReading, OdometryTracker, PlanarReading
 from vsnbench.sensing.odometry.transform_chain import TF_ADVICE
 from vsnbench.sensing.topic_monitor import SETTLING_S, TopicMessages
-from vsnbench.values.pose import Attitude, Pose
+from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile, Tolerances
 
 _NOISE_MARGIN = 1.15
@@ -115,6 +118,23 @@ def odometry_results(profile: RobotProfile, readings: Iterable[PlanarReading]) -
     yield CheckResult("odometry", Health.OK, seen)
 
 
+def attitudes_in(names: RosInterface, messages: Iterable[Any], seconds: Callable[[Any], float]) -> list[Attitude | str]:
+    """Return the attitudes in messages of their source, or why a message has none.
+
+    Args:
+        names: interface of the robot, with the source.
+        messages: sensor_msgs/Imu if the source is an IMU, else nav_msgs/Odometry.
+        seconds: returns a stamp in seconds.
+    """
+    if names.attitude is None:
+        return []
+    reader = AttitudeReader(names.attitude.topic, names.attitude.frame)
+    if names.imu:
+        return [attitude_of_imu(reader, message, seconds(message.header.stamp)) for message in messages]
+    turns = [message.pose.pose.orientation for message in messages]
+    return [reader.read((turn.x, turn.y, turn.z, turn.w)) for turn in turns]
+
+
 def attitude_results(measured: Sequence[Attitude | str]) -> Iterator[CheckResult]:
     """Report the attitude of the base at rest, or why the last message has none."""
     if not measured:
@@ -130,6 +150,11 @@ def attitude_results(measured: Sequence[Attitude | str]) -> Iterator[CheckResult
     ):
         spans.append(f"{name} {math.degrees(min(angles)):.1f}° to {math.degrees(max(angles)):.1f}°")
     yield CheckResult("attitude", Health.OK, ", ".join(spans))
+
+
+def last_attitude(measured: Sequence[Attitude | str]) -> Attitude:
+    """Return the last attitude; level if there is none."""
+    return next((attitude for attitude in reversed(measured) if isinstance(attitude, Attitude)), LEVEL)
 
 
 def _is_too_noisy(noise: StandstillNoise, tolerance: float, profile: RobotProfile, *, turns: bool) -> bool:
