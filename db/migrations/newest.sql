@@ -4,7 +4,7 @@ CREATE TABLE alembic_version (
 	version_num VARCHAR(32) NOT NULL, 
 	CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num)
 );
-INSERT INTO "alembic_version" VALUES('0011');
+INSERT INTO "alembic_version" VALUES('0012');
 CREATE TABLE "campaign" (
 	id INTEGER NOT NULL, 
 	"key" TEXT NOT NULL, 
@@ -19,11 +19,11 @@ CREATE TABLE "campaign" (
 	conditions JSON NOT NULL, 
 	seed BIGINT NOT NULL, 
 	CONSTRAINT pk_campaign PRIMARY KEY (id), 
-	CONSTRAINT fk_campaign_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
-	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
-	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id), 
 	CONSTRAINT fk_campaign_site_id_site FOREIGN KEY(site_id) REFERENCES site (id), 
-	CONSTRAINT fk_campaign_model_id_model FOREIGN KEY(model_id) REFERENCES model (id)
+	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id), 
+	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
+	CONSTRAINT fk_campaign_model_id_model FOREIGN KEY(model_id) REFERENCES model (id), 
+	CONSTRAINT fk_campaign_process_id_process FOREIGN KEY(process_id) REFERENCES process (id)
 );
 CREATE TABLE "episode" (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, 
@@ -57,10 +57,10 @@ CREATE TABLE "episode" (
 	lease_until DATETIME, 
 	start_source TEXT, 
 	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), thinking_s DOUBLE, 
-	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 
 	CONSTRAINT uq_episode_uuid UNIQUE (uuid), 
-	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
 	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
+	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 
+	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
 	CONSTRAINT ck_episode_ck_episode_state_fits_the_end CHECK (state IN ('claimed', 'placed', 'running', 'awaiting', 'judged', 'void') AND (state IN ('claimed', 'placed', 'running')) = (end_reason IS NULL))
 );
 CREATE TABLE "event" (
@@ -73,8 +73,8 @@ CREATE TABLE "event" (
 	text TEXT NOT NULL, 
 	author TEXT NOT NULL, 
 	CONSTRAINT pk_event PRIMARY KEY (id), 
-	CONSTRAINT fk_event_campaign_id_campaign FOREIGN KEY(campaign_id) REFERENCES campaign (id), 
-	CONSTRAINT fk_event_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id)
+	CONSTRAINT fk_event_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id), 
+	CONSTRAINT fk_event_campaign_id_campaign FOREIGN KEY(campaign_id) REFERENCES campaign (id)
 );
 CREATE TABLE goal (
 	id INTEGER NOT NULL, 
@@ -101,7 +101,7 @@ CREATE TABLE "model" (
 	CONSTRAINT pk_model PRIMARY KEY (id), 
 	CONSTRAINT uq_model_sha256 UNIQUE (sha256)
 );
-CREATE TABLE placement (
+CREATE TABLE "placement" (
 	id INTEGER NOT NULL, 
 	episode_id INTEGER NOT NULL, 
 	created_at DATETIME NOT NULL, 
@@ -121,9 +121,17 @@ CREATE TABLE placement (
 	moved JSON NOT NULL, 
 	depth_scale DOUBLE NOT NULL, 
 	words TEXT NOT NULL, 
+	moment TEXT DEFAULT 'start' NOT NULL, 
+	distance_m DOUBLE, 
+	distance_low_m DOUBLE, 
+	distance_high_m DOUBLE, 
+	odometry_m DOUBLE, 
+	odometry_low_m DOUBLE, 
+	odometry_high_m DOUBLE, 
+	verdicts_differ BOOLEAN, 
 	CONSTRAINT pk_placement PRIMARY KEY (id), 
 	CONSTRAINT fk_placement_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id), 
-	CONSTRAINT uq_placement_episode_id UNIQUE (episode_id)
+	CONSTRAINT uq_placement_episode_id_moment UNIQUE (episode_id, moment)
 );
 CREATE TABLE process (
 	id INTEGER NOT NULL, 
@@ -320,14 +328,14 @@ CREATE TABLE "verdict" (
 	CONSTRAINT fk_verdict_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id)
 );
 CREATE INDEX ix_step_actions ON step (episode_id, raw_action, action, blocked);
+CREATE INDEX ix_campaign_robot_id ON campaign (robot_id);
 CREATE INDEX ix_campaign_model_id ON campaign (model_id);
 CREATE INDEX ix_campaign_site_id ON campaign (site_id);
-CREATE INDEX ix_campaign_robot_id ON campaign (robot_id);
 CREATE INDEX ix_verdict_episode_id_proposed_id ON verdict (episode_id, proposed, id);
-CREATE INDEX ix_episode_trial_id ON episode (trial_id);
 CREATE INDEX ix_episode_process_id ON episode (process_id);
-CREATE INDEX ix_event_episode_id ON event (episode_id);
+CREATE INDEX ix_episode_trial_id ON episode (trial_id);
 CREATE INDEX ix_event_campaign_id ON event (campaign_id);
+CREATE INDEX ix_event_episode_id ON event (episode_id);
 CREATE UNIQUE INDEX uq_episode_active_trial_id ON episode (trial_id) WHERE state IN ('claimed', 'placed', 'running');
 CREATE INDEX ix_study_entry_study_id ON study_entry (study_id);
 CREATE INDEX ix_session_process_id ON session (process_id);

@@ -95,6 +95,7 @@ episodes show 1 --steps
 episodes show 1 --results rich
 episodes show 7 --steps
 episodes show 1 --results placed
+episodes show 2 --results placed
 episodes show 3 --results goals
 judge --pending
 judge 5 --distance 3 --yes
@@ -117,6 +118,7 @@ import ros4vsn log --model vlv --results imported
 import habitat episodes.json --model vlv --max-steps 500 --success-distance 1 --results imported
 report
 report --results rich
+report --results placed
 report --reference paper --results rich
 report --output page
 report --website website --results rich

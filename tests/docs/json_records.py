@@ -1,10 +1,12 @@
 """Records that the commands of `json_outputs` read."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from tests.report.records import Attempt, Lab
 from tests.results.records_of_a_lab import complete, plan, stopped
-from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.stop_pose import StopPose
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.second_judgements import Outcome
 from vsnbench.results.writing.entries import EpisodeBegin
@@ -30,20 +32,26 @@ def attempts(successes: int, *, starts: int = 15, operator: str = "") -> list[At
 
 
 def write_placed_record(directory: Path) -> None:
-    """Write an episode of an operator who measured the robot's pose at its starting position."""
+    """Write two episodes with measured poses at the start and after STOP; that of the second STOP is unknown."""
     directory.mkdir()
     mark, pose = Pose(1.0, 1.0, 0.5), Pose(1.03, 1.01, 0.52)
     covariance = PoseCovariance(1e-4, 0.0, 0.0, 2e-4, 0.0, 1e-5)
     method, found = PlacementMethod.TURN, {"undetermined": ("left and right",), "moved": ("chair_1",)}
     measured = MeasuredPlacement(1, mark, pose, covariance, PlacementTolerance(), method, 13, **found)
+    odometry = GoalDistance(0.87, PoseSource.ESTIMATED, "chair_1", range_m=(0.5, 1.3))
+    far = GoalDistance(1.06, PoseSource.MEASURED, "chair_1", range_m=(1.02, 1.1))
+    stops = [
+        StopPose(replace(measured, undetermined=(), method=PlacementMethod.DRIVE), odometry, far, 1.0),
+        StopPose(replace(measured, method=PlacementMethod.DRIVE), odometry, None, 1.0),
+    ]
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
-        (trial, *_) = journal.find_or_create_campaign(plan()).trials
-        claim = journal.claim_next(trial.campaign_id, [trial.id])
-        assert claim is not None
-        journal.set_operator(claim.id, "Ana")
-        journal.place(claim.id, Fix(pose, PoseSource.MEASURED))
-        journal.begin(claim.id, EpisodeBegin(measured=measured))
-        complete(journal, claim, stopped(success=True))
+        for trial, stop in zip(journal.find_or_create_campaign(plan()).trials, stops, strict=False):
+            claim = journal.claim_next(trial.campaign_id, [trial.id])
+            assert claim is not None
+            journal.set_operator(claim.id, "Ana")
+            journal.place(claim.id, Fix(pose, PoseSource.MEASURED))
+            journal.begin(claim.id, EpisodeBegin(measured=measured))
+            complete(journal, claim, replace(stopped(success=True), stop=stop, path_m=3.0))
         journal.clear_operator()
 
 

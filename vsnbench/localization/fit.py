@@ -15,14 +15,17 @@ import numpy as np
 
 from vsnbench.localization.looks import LookSet, SmallLook
 from vsnbench.localization.normal_equations import Floats, NormalEquations, Rows
+from vsnbench.localization.odometry_errors import OdometryErrors, by_errors
 from vsnbench.localization.twin import Twin, outward
 from vsnbench.sites.site import Site
 from vsnbench.values.pose import Pose
 
 _POSE, _SCALE, _TILT, _TURN, _ROLL, _FOCAL, _HEIGHT, _FORWARD = slice(0, 3), 3, 4, 5, 6, 7, 8, 9
 _COMMON = 10
-_LIMIT = np.array([0.10, 0.10, math.radians(6), 0.02, 0.01, 0.02, 0.01, 0.01, 0.01, 0.02])
-"""Maximum step of an iteration: metres, radians, shares."""
+_WAY, _VEER = 10, 11
+"""Further unknowns of looks between which the robot drove."""
+_LIMIT = np.array([0.10, 0.10, math.radians(6), 0.02, 0.01, 0.02, 0.01, 0.01, 0.01, 0.02, 0.02, 0.02])
+"""Maximum step of an iteration: metres, radians, shares, radians per metre."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,12 @@ class ErrorModel:
     """The same if the images of a turn measure it."""
     turn: float = 0.02
     """Scale of the odometry's turns, relative."""
+    way: float = 0.03
+    """Scale of the odometry's distances, relative."""
+    veer_rad_per_m: float = 0.015
+    """Turn per metre of way that the odometry does not measure."""
+    wander_rad: float = 0.008
+    """Random error of the odometry's headings between the looks of a way, which no unknown of the fit follows."""
     surface_m: float = 0.01
     """Deviation of one independent patch of surface from its model."""
     stretches: float = 25.0
@@ -62,6 +71,11 @@ class ErrorModel:
     pose_m: float = 0.6
     pose_rad: float = math.radians(40)
     """Prior knowledge of the pose."""
+
+    @property
+    def odometry(self) -> OdometryErrors:
+        """Standard deviations of the odometry's errors."""
+        return OdometryErrors(self.way, self.turn, self.veer_rad_per_m)
 
     @classmethod
     def of(cls, site: Site) -> Self:
@@ -85,12 +99,17 @@ class FitState:
     height_m: float = 0.0
     forward_m: float = 0.0
     """Distance of the lens ahead of its place in the camera's mount."""
+    way: float = 0.0
+    """Share by which the odometry's distances must be increased."""
+    veer_rad_per_m: float = 0.0
     steps: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     """(G, 2) offsets of each group from the survey: an object along x and y; a plane of the building along its normal;
     and the opposite offsets of a wall's two ends.
     """
     covariance: Floats = field(default_factory=lambda: np.eye(_COMMON))
-    """(10, 10) covariance of pose, scale, tilt, turning, roll, focal length, height and forward."""
+    """(10, 10) covariance of pose, scale, tilt, turning, roll, focal length, height and forward; (12, 12) with way and
+    veering for looks between which the robot drove.
+    """
 
     @classmethod
     def at(cls, pose: Pose, twin: Twin) -> Self:
@@ -98,8 +117,9 @@ class FitState:
         return cls(pose, steps=np.zeros((twin.groups, 2)))
 
     def moved(self, step: Floats, own_step: Floats) -> Self:
-        """Return the state after a (10,) step of the common unknowns and a (G, 2) step of the groups."""
-        x_m, y_m, heading_rad, scale, tilt_rad, turn, roll_rad, focal, height_m, forward_m = step.tolist()
+        """Return the state after a (10,) or (12,) step of the common unknowns and a (G, 2) step of the groups."""
+        x_m, y_m, heading_rad, scale, tilt_rad, turn, roll_rad, focal, height_m, forward_m, *drove = step.tolist()
+        way, veer_rad_per_m = drove or (0.0, 0.0)
         return replace(
             self,
             pose=Pose(self.pose.x_m + x_m, self.pose.y_m + y_m, self.pose.heading_rad + heading_rad),
@@ -110,6 +130,8 @@ class FitState:
             focal=self.focal + focal,
             height_m=self.height_m + height_m,
             forward_m=self.forward_m + forward_m,
+            way=self.way + way,
+            veer_rad_per_m=self.veer_rad_per_m + veer_rad_per_m,
             steps=self.steps + own_step,
         )
 
@@ -118,15 +140,22 @@ class FitState:
         """Standard deviation of `forward_m`."""
         return math.sqrt(self.covariance[_FORWARD, _FORWARD])
 
+    @property
+    def odometry(self) -> OdometryErrors:
+        """The odometry's errors in driving."""
+        return OdometryErrors(self.way, self.turn, self.veer_rad_per_m)
+
     def pose_of(self, look: SmallLook) -> Pose:
         """Return the pose of a look."""
+        if look.steps:
+            return self.pose.compose(Pose(0.0, 0.0).relative_to(self.odometry.driven(look.steps)))
         return self.pose.compose(
             Pose(look.odometry.x_m, look.odometry.y_m, look.odometry.heading_rad * (1 + self.turn))
         )
 
     def covariance_of(self, look: SmallLook) -> Floats:
         """Return the (3, 3) covariance of a look's pose after a turn on the spot from the first look."""
-        by_common = np.zeros((3, _COMMON))
+        by_common = np.zeros((3, len(self.covariance)))
         by_common[:, _POSE] = np.eye(3)
         by_common[2, _TURN] = look.odometry.heading_rad
         return np.asarray(by_common @ self.covariance @ by_common.T)
@@ -152,27 +181,35 @@ class PoseFit:
         for number in range(rounds):
             share = number / max(rounds - 1, 1)
             width_m = widths_m[0] * (widths_m[1] / widths_m[0]) ** share
-            state = state.moved(*self._equations(state, width_m).step(_LIMIT))
+            state = state.moved(*self._equations(state, width_m).step(_LIMIT[: self._size]))
         return state
 
     def doubt(self, state: FitState, width_m: float) -> Floats:
-        """Return the (10, 10) covariance of the common unknowns after a fit."""
+        """Return the (10, 10) or (12, 12) covariance of the common unknowns after a fit."""
         objects, errors = np.nonzero(self.sighting.twin.is_object)[0].tolist(), self.errors
         return self._equations(state, width_m).doubted(objects, errors.moved, errors.object_m, errors.moved_m)
 
+    @property
+    def _size(self) -> int:
+        """Number of common unknowns."""
+        return len(_LIMIT) if self.sighting.drove else _COMMON
+
     def _equations(self, state: FitState, width_m: float) -> NormalEquations:
         twin, errors = self.sighting.twin, self.errors
-        forward_m = errors.forward_m if len(self.sighting.looks) == 1 else errors.forward_turning_m
+        turns = len(self.sighting.looks) > 1 and not self.sighting.drove
+        forward_m = errors.forward_turning_m if turns else errors.forward_m
         common = np.array(
             [
                 *(errors.pose_m, errors.pose_m, errors.pose_rad, errors.scale, errors.tilt_rad, errors.turn),
                 *(errors.roll_rad, errors.focal, errors.height_m, forward_m),
+                *(errors.way, errors.veer_rad_per_m),
             ]
-        )
+        )[: self._size]
         own_m = np.where(twin.is_object, errors.object_m, np.where(twin.is_floor, errors.floor_m, errors.wall_m))
         rows = [self._rows_of(look, state, width_m) for look in self.sighting.looks]
         camera = (state.roll_rad, state.focal, state.height_m, state.forward_m)
-        now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn, *camera])
+        drove = (state.way, state.veer_rad_per_m)
+        now = np.array([0.0, 0.0, 0.0, state.scale - 1.0, state.tilt_rad, state.turn, *camera, *drove])[: self._size]
         own = np.repeat(own_m[:, None], 2, axis=1)
         return NormalEquations(rows, common, own, errors.stretches, now, state.steps)
 
@@ -212,14 +249,18 @@ class PoseFit:
         own = np.column_stack([np.where(building, side, -nx), np.where(building, side * aside, -ny)])
         residual_m = nx * x_m + ny * y_m + nz * height_m - twin.plane_m[face]
         residual_m += (own * state.steps[group]).sum(axis=1)
-        common = np.empty((len(face), _COMMON))
+        common = np.zeros((len(face), self._size))
         common[:, 0], common[:, 1] = nx, ny
         first_x, first_y = x_m - state.pose.x_m, y_m - state.pose.y_m
         common[:, 2] = ny * first_x - nx * first_y
         along_ray = n_ahead * ahead + n_left * left + nz * up
         common[:, _SCALE] = along_ray * depth_m / state.scale
         common[:, _TILT] = depth_m * (n_ahead * (cos_t * down - sin_t) + nz * (cos_t + sin_t * down))
-        common[:, _TURN] = (ny * (x_m - pose.x_m) - nx * (y_m - pose.y_m)) * look.odometry.heading_rad
+        about_look = ny * (x_m - pose.x_m) - nx * (y_m - pose.y_m)
+        if look.steps:
+            common[:, [_WAY, _TURN, _VEER]] = _by_odometry(state, look, nx, ny, about_look)
+        else:
+            common[:, _TURN] = about_look * look.odometry.heading_rad
         common[:, _ROLL] = depth_m * (n_left * down - n_ahead * sin_t * left + nz * cos_t * left)
         common[:, _FOCAL] = depth_m * (n_ahead * sin_t * down + n_left * left - nz * cos_t * down)
         common[:, _HEIGHT], common[:, _FORWARD] = nz, n_ahead
@@ -227,3 +268,11 @@ class PoseFit:
         variance = errors.surface_m**2 + noise_m**2
         robust = (width_m**2 / (width_m**2 + residual_m**2)) ** 2
         return Rows(residual_m, common, group, own, robust / variance)
+
+
+def _by_odometry(state: FitState, look: SmallLook, nx: Floats, ny: Floats, about_look: Floats) -> Floats:
+    """Return the (N, 3) derivatives of residuals by way, turn and veering; `about_look` by the look's heading."""
+    by = by_errors(look.steps, state.odometry, backward=True)
+    cos, sin = math.cos(state.pose.heading_rad), math.sin(state.pose.heading_rad)
+    by_x, by_y = cos * by[0] - sin * by[1], sin * by[0] + cos * by[1]
+    return np.asarray(nx[:, None] * by_x + ny[:, None] * by_y + about_look[:, None] * by[2])

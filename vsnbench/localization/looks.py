@@ -21,6 +21,8 @@ class DepthLook:
     """(H, W) metres along the optical axis; NaN, infinite or 0 where invalid."""
     odometry: Pose
     """Odometry in the frame of the first look of a turn."""
+    steps: tuple[Pose, ...] = ()
+    """What the odometry measured of each step from this look to the first of the set; empty unless the robot drove."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +37,7 @@ class SmallLook:
     down: Floats
     """(h,)."""
     odometry: Pose
+    steps: tuple[Pose, ...] = ()
 
     @classmethod
     def of(cls, look: DepthLook, camera: Camera, width: int) -> "SmallLook":
@@ -59,17 +62,23 @@ class SmallLook:
             (np.arange(w) - pinhole.centre_x) / focal_px,
             (np.arange(h) - pinhole.centre_y) / focal_px,
             look.odometry,
+            look.steps,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookSet:
-    """Looks of one camera from one spot, with the twin of the room."""
+    """Looks of one camera, from one spot or from the last steps of a way, with the twin of the room."""
 
     twin: Twin
     camera: Camera
     looks: Sequence[SmallLook]
     """The pose of the first one is unknown."""
+
+    @property
+    def drove(self) -> bool:
+        """Whether the robot drove between the looks, so that the odometry's errors in driving matter."""
+        return any(look.steps for look in self.looks)
 
     def expected(self, look: SmallLook, pose: Pose) -> DepthView:
         """Return the expected view of a look at `pose`."""

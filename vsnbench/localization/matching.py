@@ -1,5 +1,6 @@
 """Measurement of a placement from depth images: search, fit, uncertainty, and differences between room and plan."""
 
+import itertools
 import math
 import time
 from collections.abc import Sequence
@@ -11,8 +12,8 @@ from vsnbench.localization.differences import gone, suspects
 from vsnbench.localization.fit import ErrorModel, FitState, PoseFit
 from vsnbench.localization.looks import DepthLook, LookSet, SmallLook
 from vsnbench.localization.search import (
-    REACH_DEG,
-    REACH_M,
+    MARK_REACH,
+    Reach,
     TriedPose,
     along_surfaces,
     candidates,
@@ -44,6 +45,9 @@ _FORWARD_STEP_M, _MOST_CORRECTIONS = 0.02, 4
 """Minimum camera offset, found by a turn, after which the turn is measured again with this offset."""
 _MOST_SEARCHED = 5
 """Number of looks of a turn for the search; the fit uses all."""
+_SEARCHED_STDS = 2.5
+_STOP_REACH_M, _STOP_REACH_DEG = (0.15, 0.45, 1.2), (5.0, 10.0, 30.0)
+"""Step, minimum and maximum of the reach of a search around the odometry's pose."""
 
 
 class PlacementMatcher:
@@ -65,7 +69,29 @@ class PlacementMatcher:
             looks: one or more depth images near the start, with their odometry.
             tolerance: tolerance of the placement; default: the protocol's.
         """
-        measured = self._measured(start, looks, tolerance)
+        return self._with_camera_corrected(_Expected(start.pose, start.number), looks, tolerance)
+
+    def measure_stop(self, expected: Pose, covariance: PoseCovariance, looks: Sequence[DepthLook]) -> MeasuredPlacement:
+        """Measure the robot's pose at the last look of a way, near where the odometry expects it.
+
+        The earlier looks widen the view; the odometry's errors between them are unknowns of the fit.
+
+        Args:
+            expected: pose by the odometry in the site's frame.
+            covariance: its covariance, which bounds the search.
+            looks: depth images of the last steps, the newest last, with their odometry in one frame.
+        """
+        std_m = math.sqrt(float(np.linalg.eigvalsh(covariance.matrix[:2, :2])[-1]))
+        reach = Reach(
+            _on_grid(_SEARCHED_STDS * std_m, *_STOP_REACH_M),
+            _on_grid(_SEARCHED_STDS * math.degrees(math.sqrt(covariance.hh)), *_STOP_REACH_DEG),
+        )
+        return self._measured(_Expected(expected, 0, reach, drove=True), looks, None)
+
+    def _with_camera_corrected(
+        self, expected: "_Expected", looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
+    ) -> MeasuredPlacement:
+        measured = self._measured(expected, looks, tolerance)
         matcher, forward_m, took_s = self, measured.forward_m, measured.took_s
         # The linearized fit finds only part of a large step; from its result it finds the rest.
         for _ in range(_MOST_CORRECTIONS):
@@ -74,39 +100,42 @@ class PlacementMatcher:
             ahead_m = matcher._camera.mount_forward_m + measured.forward_m
             camera = matcher._camera.model_copy(update={"mount_forward_m": ahead_m})
             matcher = PlacementMatcher(self._site, camera, self._errors)
-            measured = matcher._measured(start, looks, tolerance)
+            measured = matcher._measured(expected, looks, tolerance)
             forward_m, took_s = forward_m + measured.forward_m, took_s + measured.took_s
         return measured if matcher is self else replace(measured, forward_m=forward_m, took_s=took_s)
 
     def _measured(
-        self, start: StartingPosition, looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
+        self, expected: "_Expected", looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
     ) -> MeasuredPlacement:
         began_s = time.perf_counter()
         errors = self._errors
-        placed = _from_the_first(looks)
+        placed = _to_the_last(looks) if expected.drove else _from_the_first(looks)
         fine = self._sighting(placed, _FINE_PX)
-        basins, along_surface = self._basins(placed, start.pose)
+        target = fine.looks[0 if expected.drove else -1]
+        basins, along_surface = self._basins(placed, expected)
         if basins:
             best = basins[0]
             fit = PoseFit(fine, errors, left_out=best.moved)
             state = fit.refined(best.state, 4, (0.06, _FINEST_M))
             state = replace(state, covariance=fit.doubt(state, _FINEST_M))
-            covariance = state.covariance_of(fine.looks[-1]) + _of_other_places(state, basins) + along_surface
+            covariance = state.covariance_of(target) + _of_other_places(state, basins) + along_surface
+            if fine.drove:
+                covariance += np.diag([0.0, 0.0, errors.wander_rad**2])
             misfit = best.misfit
         else:
-            state, misfit = FitState(start.pose), 0.0
+            state, misfit = FitState(expected.pose), 0.0
             covariance = np.diag([errors.pose_m, errors.pose_m, errors.pose_rad]) ** 2
-        now, turned = state.pose_of(fine.looks[-1]), len(looks) > 1 and bool(basins)
+        now, turned = state.pose_of(target), len(looks) > 1 and bool(basins) and not expected.drove
         undetermined = _undetermined(covariance, now)
-        fits = misfit < _MISFIT_LIMIT and _within_reach(state.pose, start.pose)
+        fits = misfit < _MISFIT_LIMIT and expected.holds(state.pose)
         moved = gone(fine, state) if fits and not undetermined else frozenset[int]()
         return MeasuredPlacement(
-            start=start.number,
-            mark=start.pose,
+            start=expected.number,
+            mark=expected.pose,
             pose=now,
             covariance=PoseCovariance.of(covariance),
             tolerance=tolerance or PlacementTolerance(),
-            method=PlacementMethod.LOOK if len(looks) == 1 else PlacementMethod.TURN,
+            method=expected.method if len(looks) > 1 else PlacementMethod.LOOK,
             looks=len(looks),
             fits=fits,
             undetermined=undetermined,
@@ -120,7 +149,7 @@ class PlacementMatcher:
     def _sighting(self, looks: Sequence[DepthLook], width: int) -> LookSet:
         return LookSet(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
 
-    def _basins(self, looks: Sequence[DepthLook], mark: Pose) -> "tuple[list[_Basin], Floats]":
+    def _basins(self, looks: Sequence[DepthLook], expected: "_Expected") -> "tuple[list[_Basin], Floats]":
         """Return the candidate poses, best first, and the covariance that the alternatives add to the best.
 
         There are no candidates if too little is visible.
@@ -133,25 +162,28 @@ class PlacementMatcher:
             return [], np.zeros((3, 3))
         sparse = LookSet(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
         rough: list[_Basin] = []
-        for number, candidate in enumerate(candidates(sparse, mark, _CANDIDATES)):
+        for number, candidate in enumerate(candidates(sparse, expected.pose, _CANDIDATES, expected.reach)):
             if number < _POLISHED:
                 better = polished(sparse, candidate)
                 rough.append(_Basin(FitState.at(better.pose, self._twin), better.misfit, frozenset()))
             state = PoseFit(sparse, self._errors).refined(FitState.at(candidate.pose, self._twin), 6, (0.25, 0.10))
-            if _within_reach(state.pose, mark):
+            if expected.holds(state.pose):
                 rough.append(_Basin(state, _misfit(sparse, state), frozenset()))
         settled = [self._settled(middle, basin.state) for basin in _apart(rough)[:_BASINS]]
-        basins = _apart([basin for basin in settled if _within_reach(basin.state.pose, mark)] or settled)
+        basins = _apart([basin for basin in settled if expected.holds(basin.state.pose)] or settled)
         # Fit all candidates completely: an unfinished fit near the best pose would count as another one.
         rivals = [basin for basin, weight in zip(basins, _weights(basins), strict=True) if weight][1:]
         rivals = [self._settled(middle, basin.state) for basin in rivals]
-        basins = _apart([basins[0], *(basin for basin in rivals if _within_reach(basin.state.pose, mark))])
+        basins = _apart([basins[0], *(basin for basin in rivals if expected.holds(basin.state.pose))])
         return basins, self._along_surface(sparse, basins[0])
 
     def _along_surface(self, sparse: LookSet, best: "_Basin") -> Floats:
         """Return the (3, 3) covariance that poses along a surface with a similar fit add to the best."""
         state = best.state
         misfit = _misfit(sparse, state)
+        if sparse.drove:  # the places differ by the shift alone, not by the odometry's errors as well
+            placed = [replace(look, odometry=state.pose_of(look).relative_to(state.pose)) for look in sparse.looks]
+            sparse = LookSet(sparse.twin, sparse.camera, placed)
         tried = along_surfaces(sparse, TriedPose(state.pose, misfit), state.scale)
         similar = [candidate for candidate in tried if candidate.misfit < misfit + _DOUBT]
         if not similar:
@@ -168,6 +200,32 @@ class PlacementMatcher:
             state = PoseFit(middle, self._errors, left_out=moved).refined(state, 3, (0.10, 0.06))
             moved |= suspects(middle, state, self._errors)
         return _Basin(state, _misfit(middle, state), moved)
+
+
+@dataclass(frozen=True, slots=True)
+class _Expected:
+    """Where the robot is expected, and how far around it is searched."""
+
+    pose: Pose
+    number: int
+    """Number of the starting position; 0 elsewhere."""
+    reach: Reach = MARK_REACH
+    drove: bool = False
+    """The robot drove between the looks, and its pose at the last one is measured."""
+
+    @property
+    def method(self) -> PlacementMethod:
+        """Data of a measurement from several looks."""
+        return PlacementMethod.DRIVE if self.drove else PlacementMethod.TURN
+
+    def holds(self, pose: Pose) -> bool:
+        """Whether a fitted pose is within reach."""
+        return self.reach.holds(pose, self.pose)
+
+
+def _on_grid(value: float, step: float, least: float, most: float) -> float:
+    """Return a value within limits, rounded up to a multiple of a step."""
+    return step * math.ceil(min(max(value, least), most) / step - 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,13 +248,6 @@ def _apart(basins: Sequence[_Basin]) -> list[_Basin]:
         if not any(near(basin.state.pose, other.state.pose, 0.2) for other in distinct):
             distinct.append(basin)
     return distinct
-
-
-def _within_reach(pose: Pose, mark: Pose) -> bool:
-    off = pose.relative_to(mark)
-    return math.hypot(*off.position) < REACH_M + 0.10 and abs(math.remainder(off.heading_rad, math.tau)) < math.radians(
-        REACH_DEG + 4
-    )
 
 
 def _of_other_places(state: FitState, basins: Sequence[_Basin]) -> Floats:
@@ -227,6 +278,17 @@ def _from_the_first(looks: Sequence[DepthLook]) -> list[DepthLook]:
     return [
         DepthLook(look.depth_m, Pose(pose.x_m, pose.y_m, float(heading)))
         for look, pose, heading in zip(looks, away, headings, strict=True)
+    ]
+
+
+def _to_the_last(looks: Sequence[DepthLook]) -> list[DepthLook]:
+    """Return the looks, newest first, with the steps of the odometry from each to the newest."""
+    poses = [look.odometry for look in looks]
+    steps = [later.relative_to(earlier) for earlier, later in itertools.pairwise(poses)]
+    steps = [Pose(step.x_m, step.y_m, math.remainder(step.heading_rad, math.tau)) for step in steps]
+    return [
+        DepthLook(look.depth_m, look.odometry.relative_to(poses[-1]), tuple(steps[number:]))
+        for number, look in reversed(list(enumerate(looks)))
     ]
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from vsnbench.localization.looks import LookSet
 from vsnbench.values.pose import Pose
 
-REACH_M, REACH_DEG = 0.45, 30.0
-"""Maximum distance from the mark in the search."""
 _STEP_M, _STEP_DEG = 0.15, 5.0
 CUT = 0.15
 """Limit of residuals of the logarithm of depth; larger differences count the same."""
@@ -25,6 +23,23 @@ normals.
 """
 _APART_M, _APART_RAD = 0.22, math.radians(8.0)
 """Poses nearer than both are in one basin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Maximum distance from the expected pose in the search."""
+
+    distance_m: float = 0.45
+    heading_deg: float = 30.0
+
+    def holds(self, pose: Pose, expected: Pose) -> bool:
+        """Whether a fitted pose is within the reach, and a margin of the grid."""
+        off = pose.relative_to(expected)
+        turned_rad = abs(math.remainder(off.heading_rad, math.tau))
+        return math.hypot(*off.position) < self.distance_m + 0.10 and turned_rad < math.radians(self.heading_deg + 4)
+
+
+MARK_REACH = Reach()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +71,15 @@ def misfit_of(sighting: LookSet, poses: Sequence[Pose], scale: float = 1.0) -> f
     return total / (CUT * pixels) if pixels else 1.0
 
 
-def candidates(sighting: LookSet, mark: Pose, most: int) -> tuple[TriedPose, ...]:
-    """Return the best basins around the mark, best first."""
-    steps = np.arange(-REACH_M, REACH_M + 1e-9, _STEP_M)
-    turns = np.radians(np.arange(-REACH_DEG, REACH_DEG + 1e-9, _STEP_DEG))
+def candidates(sighting: LookSet, expected: Pose, most: int, reach: Reach) -> tuple[TriedPose, ...]:
+    """Return the best basins around the expected pose, best first."""
+    steps = np.arange(-reach.distance_m, reach.distance_m + 1e-9, _STEP_M)
+    turns = np.radians(np.arange(-reach.heading_deg, reach.heading_deg + 1e-9, _STEP_DEG))
     tried = [
-        _tried(sighting, mark.compose(Pose(float(ahead), float(left), float(turn))))
+        _tried(sighting, expected.compose(Pose(float(ahead), float(left), float(turn))))
         for ahead in steps
         for left in steps
-        if math.hypot(ahead, left) <= REACH_M * 1.2
+        if math.hypot(ahead, left) <= reach.distance_m * 1.2
         for turn in turns
     ]
     tried.sort(key=lambda candidate: candidate.misfit)

@@ -68,6 +68,8 @@ class GoalDistance:
     in_sight: bool = True
     """False if no target can count: walls hide them all and the protocol requires sight, or the base is outside the
     region; the distance then ignores walls."""
+    range_m: tuple[float, float] | None = None
+    """Least and greatest distance from the poses of the 95 % region; None if the region is not known."""
 
     def is_under(self, success_distance_m: float) -> bool:
         """Whether STOP succeeds at this distance."""

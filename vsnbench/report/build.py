@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots
+from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots, read_stops
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
@@ -18,7 +18,13 @@ from vsnbench.report.analysis.operators import OperatorActivity, has_sessions, r
 from vsnbench.report.analysis.summary import ReportResults, summarise
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
 from vsnbench.report.table import ReportTable
-from vsnbench.report.tables.activity import action_table, definition_table, end_reason_table, stability_table
+from vsnbench.report.tables.activity import (
+    action_table,
+    definition_table,
+    end_reason_table,
+    odometry_table,
+    stability_table,
+)
 from vsnbench.report.tables.operators import operator_table, session_table
 from vsnbench.report.tables.second_judgements import second_judgement_tables
 from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
@@ -129,6 +135,8 @@ class Report:
         from vsnbench.report.tables.reference import paper_stability_table
 
         tables = [stability_table(activity.robots)]
+        if activity.stops:
+            tables.append(odometry_table(activity.stops))
         if self.reference:
             tables.append(paper_stability_table())
         if activity.actions:
@@ -212,11 +220,11 @@ def build(
                 operator_activity=read_operator_activity(engine, record),
                 raters=read_rater_agreements(engine, record),
             )
-            robots = read_robots(engine, record)
+            robots, stops = read_robots(engine, record), read_stops(engine, record)
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record, examined), read_judgements(engine, record)
-        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses))
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses, stops))
 
 
 def _actions(url: str, selection: Selection) -> Rows:

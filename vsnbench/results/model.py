@@ -18,7 +18,7 @@ from vsnbench.results.reading import read_model as read
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.row_encoding import fix_of_columns
 from vsnbench.results.writing.lifecycle import RESULTS
-from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession
+from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession, RecordedStop
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.goal import GoalKind
 
@@ -216,6 +216,7 @@ class EpisodeRecord(Episode):
 
     goal_definition: RecordedGoal | None = quantity("goal as the site file defined it", absent="for a goal category")
     measured: RecordedPlacement | None = quantity("measured pose at the start", absent="if it was not measured")
+    stopped: RecordedStop | None = quantity("pose measured after STOP", absent="if it was not measured")
     session: RecordedSession | None = quantity("operator's session of the episode", absent="without an operator")
     verdicts: tuple[RecordedVerdict, ...] = quantity("all verdicts, oldest first; the latest counts")
     events: tuple[RecordedEvent, ...] = quantity("notes, tags, interventions and other events, oldest first")

@@ -35,6 +35,8 @@ class PlacementMethod(StrEnum):
     """One depth image."""
     TURN = "turn"
     """Depth images of a turn on the spot, at the headings of the odometry."""
+    DRIVE = "drive"
+    """Depth images of the last steps before a stop, at the poses of the odometry."""
 
 
 @dataclass(frozen=True, slots=True)

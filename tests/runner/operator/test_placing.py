@@ -128,7 +128,7 @@ def test_the_verdict_of_a_rehearsal_awaits_judgement(robot: RehearsalRobot) -> N
     assert robot.identity.simulated, "and it is recorded as simulated"
     assert robot.conditions["pretends_to_be_real"] is True
     assert outcome.final is not None
-    assert outcome.final.source is PoseSource.ESTIMATED
+    assert outcome.final.source is PoseSource.MEASURED, "from the depth image after STOP"
 
 
 def test_a_robot_moved_after_its_measurement_is_measured_again() -> None:

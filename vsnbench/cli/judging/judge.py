@@ -30,7 +30,11 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     number: Annotated[int | None, typer.Argument(help="Number of the episode.", min=1)] = None,
     distance: Annotated[
         str | None,
-        _answer_option("--distance", help="Distance to the nearest goal instance by tape measure, in metres."),
+        _answer_option(
+            "--distance",
+            help="Distance to the nearest goal instance by tape measure, in metres; or odometry, if its pose is right, "
+            "not the one from images.",
+        ),
     ] = None,
     collision: Annotated[
         str | None, _answer_option("--collision", help="Object that the robot touched without detecting it.")

@@ -135,6 +135,9 @@ def _session_and_placement(episode: "EpisodeRecord") -> "list[tuple[str, str]]":
         by = f", accepted by {safe(measured.author)}" if measured.author else ""
         moved = f"; moved since the survey: {safe(', '.join(measured.moved))}" if measured.moved else ""
         rows.append(("placed", f"{safe(measured.words)}{by}{moved}"))
+    if (stopped := episode.stopped) is not None:
+        moved = f"; moved since the survey: {safe(', '.join(stopped.moved))}" if stopped.moved else ""
+        rows.append(("stopped", f"{safe(stopped.words)}{moved}"))
     return rows
 
 

@@ -10,8 +10,10 @@ from sqlalchemy import Connection, Engine, func, select
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Selection, read_conditions
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
-from vsnbench.results.reading.read_model import COUNTS, RUNNING
+from vsnbench.results.reading.read_model import COUNTS, RUNNING, UNJUDGED
 from vsnbench.results.schema.engine import record_errors
+from vsnbench.results.schema.placement_tables import Placement
+from vsnbench.results.schema.row_encoding import AT_STOP
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, RobotRow, StepRow, TrialRow
 from vsnbench.results.writing.entries import INTERVENTION
 
@@ -27,6 +29,9 @@ FAILURES = (
 )
 """End reasons that are failures of the system rather than of the policy or an operator's decision."""
 
+
+_LEAST_PATH_M = 1.0
+"""Shortest path whose drift per metre tells about the odometry."""
 
 Rows = Sequence[Mapping[str, Any]]
 _KEYS = ("condition", "raw_action", "action", "blocked", "steps")
@@ -46,6 +51,8 @@ class Activity:
     """Operators' judgements of a condition (`tables.failures.JUDGEMENTS`)."""
     courses: Rows = ()
     """Courses of a condition (`tables.progress.COURSES`)."""
+    stops: Rows = ()
+    """Poses of a robot that were measured after STOP (`tables.activity.ODOMETRY`)."""
 
 
 def read_actions(engine: Engine, selection: Selection) -> Rows:
@@ -143,6 +150,46 @@ def _robot_activity(name: str, title: str, *, simulated: bool, rows: "pd.DataFra
         "collisions": int((ends == EndReason.COLLISION.value).sum()),
         "interventions": helped,
     }
+
+
+def read_stops(engine: Engine, record: ReportData) -> Rows:
+    """Return what the poses measured after STOP say about the odometry of each robot that has any, by name."""
+    columns = (Placement.episode_id, Placement.determined, Placement.ahead_m, Placement.left_m, Placement.turn_rad)
+    query = select(*columns, Placement.verdicts_differ).where(Placement.moment == AT_STOP).order_by(columns[0])
+    with record_errors(engine), engine.connect() as connection:
+        measured = connection.execute(query).all()
+    if not measured:
+        return ()
+    rows = record.episodes[record.episodes["episode"].isin([row.episode_id for row in measured])]
+    columns_of = (rows[name].tolist() for name in ("episode", "condition", "path_m", "state"))
+    known = {episode: found for episode, *found in zip(*columns_of, strict=True)}
+    robots = {one.number: (one.robot, one.robot_title, one.simulated) for one in record.conditions}
+    found: dict[tuple[str, str, bool], dict[str, Any]] = {}
+    for row in measured:
+        if row.episode_id not in known:
+            continue
+        condition, path_m, state = known[row.episode_id]
+        name, title, simulated = robots[condition]
+        new: dict[str, Any] = {
+            "robot": name,
+            "title": title,
+            "simulated": simulated,
+            "stops": 0,
+            "differing": [],
+            "unjudged": 0,
+        }
+        robot = found.setdefault(robots[condition], new | {"drift_per_m": [], "turn_per_m": [], "drift_m": []})
+        robot["stops"] += 1
+        if row.verdicts_differ:
+            robot["differing"].append(row.episode_id)
+            robot["unjudged"] += state == UNJUDGED
+        if row.determined:
+            drift_m = math.hypot(row.ahead_m, row.left_m)
+            robot["drift_m"].append(drift_m)
+            if path_m >= _LEAST_PATH_M:  # False for NaN
+                robot["drift_per_m"].append(drift_m / path_m)
+                robot["turn_per_m"].append(abs(row.turn_rad) / path_m)
+    return [found[key] for key in sorted(found)]
 
 
 def _total(numbers: "pd.Series[float]") -> float:

@@ -24,7 +24,7 @@ from vsnbench.report.measures import (
     objects,
 )
 from vsnbench.report.tables import operators
-from vsnbench.report.tables.activity import ACTIONS, ENDS, ROBOTS, end_counts
+from vsnbench.report.tables.activity import ACTIONS, ENDS, ODOMETRY, ROBOTS, end_counts
 from vsnbench.report.tables.comparison import COMPARISON
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.failures import FAILURES, JUDGEMENTS
@@ -152,6 +152,12 @@ REPORT = Measures(
     ),
     Measure("stability", objects(ROBOTS), "driving of each robot, over all episodes, void ones included"),
     Measure(
+        "odometry",
+        objects(ODOMETRY),
+        "drift of each robot, by the poses measured after STOP",
+        only_in="records with such poses",
+    ),
+    Measure(
         "published_stability",
         an_object(_PUBLISHED),
         "driving in the paper",
@@ -197,6 +203,7 @@ def to_json(
         "models": [ConditionRow(summary, activity, record) for summary in results.conditions],
         "questions": questions,
         "stability": activity.robots if activity else None,
+        "odometry": (activity.stops or None) if activity else None,
         "operator_activity": operator_activity,
         "second_judgements": raters,
     }

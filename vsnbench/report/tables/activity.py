@@ -1,19 +1,22 @@
 """Tables of end reasons, goals' definitions, robots' stability and models' actions."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.comparability import kinds_note
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
-from vsnbench.report.measures import COUNT, FLAG, TEXT, Measure, Measures, decimals, percents
+from vsnbench.report.measures import COUNT, FLAG, NUMBERS, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
 from vsnbench.results.model import END_REASONS
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
+from vsnbench.text.sanitize import counted
 from vsnbench.values.robot_identity import IMPORTED
 
 
@@ -36,6 +39,8 @@ def definition_table(goals: Mapping[str, RecordedGoal], results: ReportResults) 
     )
 
 
+_NAMED = 12
+"""Number of episodes that a note names."""
 _RESULTS = {reason.value for reason in EndReason if reason.is_result}
 MODEL = Measure("", TEXT, of="model", heading="model")
 """First column of tables with several conditions."""
@@ -145,6 +150,78 @@ def stability_table(robots: Rows) -> ReportTable:
     if any(robot["simulated"] for robot in robots):
         notes.append("Simulated robots: hours of simulated time, which can exceed the elapsed time.")
     return ReportTable("stability", "Stability", ROBOTS.columns, tuple(rows), tuple(notes))
+
+
+def _middle(name: str, share: float = 0.5) -> Callable[[Mapping[str, Any]], float]:
+    """Return the function that gives a quantile of a robot's list; NaN of an empty one."""
+
+    def quantile(row: Mapping[str, Any]) -> float:
+        return float(np.quantile(row[name], share)) if row[name] else math.nan
+
+    return quantile
+
+
+_UNMEASURED = "without measured poses after 1 m of path or more"
+_PER_METRE = "distance between the pose by the odometry and the one measured after STOP, per metre of path"
+_TURNED = "difference of the headings, radians per metre of path, median"
+_DIFFER = "STOP succeeds by one of the two poses and fails by the other"
+ODOMETRY = Measures(
+    Measure("robot", TEXT, "name of the robot profile"),
+    Measure("title", TEXT, "the robot's name for people"),
+    Measure("simulated", FLAG, "the robot is simulated"),
+    Measure("", TEXT, of=_robot, heading="robot"),
+    Measure("stops", COUNT, "number of STOPs after which the pose was to be measured", heading="stops", note=""),
+    Measure(
+        "measured",
+        COUNT,
+        "STOPs whose images determine the pose",
+        lambda row: len(row["drift_m"]),
+        heading="measured",
+    ),
+    Measure(
+        "drift_per_m",
+        decimals(1, 100),
+        f"{_PER_METRE}, median",
+        _middle("drift_per_m"),
+        null=_UNMEASURED,
+        heading="drift cm/m",
+        note=_PER_METRE,
+    ),
+    Measure(
+        "drift_per_m_p95",
+        decimals(1, 100),
+        "95th percentile of the same",
+        _middle("drift_per_m", 0.95),
+        null=_UNMEASURED,
+        heading="95 %",
+        rank=1,
+    ),
+    Measure("turn_per_m", decimals(2, 1), _TURNED, _middle("turn_per_m"), null=_UNMEASURED),
+    Measure(
+        "drift_m_max",
+        decimals(2),
+        "greatest such distance, metres",
+        _middle("drift_m", 1.0),
+        null="without measured poses",
+        heading="most m",
+        rank=1,
+    ),
+    Measure("differing", NUMBERS, f"episodes in which {_DIFFER}"),
+    Measure("", COUNT, of=lambda row: len(row["differing"]), heading="verdicts differ", note=_DIFFER),
+)
+
+
+def odometry_table(stops: Rows) -> ReportTable:
+    """Return how far the odometry of each robot was off after STOP, by the poses measured from depth images."""
+    notes = []
+    for robot in stops:
+        if differing := robot["differing"]:
+            named = ", ".join(map(str, differing[:_NAMED]))
+            more = f" and {len(differing) - _NAMED} more" if len(differing) > _NAMED else ""
+            left = f"; {robot['unjudged']} of them await judgement" if robot["unjudged"] else ""
+            trials = counted(len(differing), "trial")
+            notes.append(f"{_robot(robot)}: the two poses give different verdicts of {trials}: {named}{more}{left}.")
+    return ODOMETRY.table("odometry", "Odometry after STOP", stops, notes=tuple(notes))
 
 
 def _executed(row: Mapping[str, Any]) -> str:

@@ -44,8 +44,8 @@ class EpisodeRows:
     events: tuple[Row, ...]
     session: Row | None
     """Row of the operator session, if any."""
-    placement: Row | None
-    """Measured start pose, if any."""
+    placements: tuple[Row, ...]
+    """Measured poses at the start and after STOP."""
 
 
 def columns_of(table: type[TableBase], *without: str) -> list[Column[Any]]:
@@ -98,7 +98,7 @@ def read_episode_rows(connection: Connection, episode_id: int, *, steps: bool = 
         verdicts=_rows(connection, _VERDICT, VerdictRow.episode_id == episode_id, VerdictRow.id),
         events=_rows(connection, _EVENT, EventRow.episode_id == episode_id, EventRow.id),
         session=session_row(connection, session_id),
-        placement=next(iter(_rows(connection, _PLACEMENT, Placement.episode_id == episode_id)), None),
+        placements=_rows(connection, _PLACEMENT, Placement.episode_id == episode_id, Placement.moment),
     )
 
 
@@ -139,10 +139,9 @@ def insert_episode_rows(
         ).one()
         given["session_id"] = find_or_insert_session(connection, whole.session, process_id, robot_id)
     number = insert_row(connection, EpisodeRow, given)
-    if whole.placement is not None:
-        insert_row(connection, Placement, {**whole.placement, "episode_id": number})
     if has_files:
         attach_images(connection, number)
+    add_rows(connection, Placement, number, whole.placements)
     add_rows(connection, StepRow, number, whole.steps)
     add_rows(connection, VerdictRow, number, whole.verdicts)
     add_rows(connection, EventRow, number, whole.events)
@@ -150,7 +149,7 @@ def insert_episode_rows(
 
 
 def add_rows(connection: Connection, table: type[TableBase], episode_id: int, rows: Sequence[Row]) -> None:
-    """Append steps, verdicts or events of another record to an episode."""
+    """Append rows of another record to an episode: steps, verdicts, events, measured poses."""
     if rows:
         connection.execute(insert(table), [{**row, "episode_id": episode_id} for row in rows])
 
@@ -175,8 +174,8 @@ def difference(mine: EpisodeRows, theirs: EpisodeRows) -> str:
     )
     if changed:
         return f"its {changed[0]} differs"
-    if mine.placement != theirs.placement:
-        return "its measured start pose differs"
+    if mine.placements != theirs.placements:
+        return "its measured pose differs"
     if (mine.session and mine.session["uuid"]) != (theirs.session and theirs.session["uuid"]):
         return "its session differs"
     if mine.steps != theirs.steps:

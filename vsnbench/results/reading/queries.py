@@ -30,7 +30,7 @@ from vsnbench.results.reading.read_model import MODEL_NAME, OUTCOME, episodes_of
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import parts
-from vsnbench.results.writing.sessions import placement_of, session_of
+from vsnbench.results.writing.sessions import placement_of, session_of, stop_of
 from vsnbench.results.writing.steps import step_of_row
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.step import StepRecord
@@ -114,6 +114,7 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
             tags=tags_of(connection, [episode_id]).get(episode_id, ()),
             goal_definition=goal_of_trial(connection, trial_id),
             measured=placement_of(connection, episode_id),
+            stopped=stop_of(connection, episode_id),
             session=session_of(connection, episode_id),
             verdicts=all_of(_VERDICT, RecordedVerdict, tables.VerdictRow),
             events=all_of(_EVENT, RecordedEvent, tables.EventRow),

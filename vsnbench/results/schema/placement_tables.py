@@ -1,25 +1,28 @@
-"""Table of measured start poses."""
+"""Table of measured poses."""
 
 from datetime import datetime
 
-from sqlalchemy import ForeignKey
+from sqlalchemy import ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
 from vsnbench.results.schema.base import JsonValue, TableBase
 
 
 class Placement(TableBase):
-    """An accepted measured placement; absent if the pose was not measured."""
+    """A measured pose of the robot at its mark or where it stopped; absent if the pose was not measured."""
 
     __tablename__ = "placement"
+    __table_args__ = (UniqueConstraint("episode_id", "moment"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    episode_id: Mapped[int] = mapped_column(ForeignKey("episode.id"), unique=True)
+    episode_id: Mapped[int] = mapped_column(ForeignKey("episode.id"))
+    moment: Mapped[str]
+    """`start`: at the mark, as accepted; `stop`: after STOP."""
     created_at: Mapped[datetime]
     author: Mapped[str]
-    """Operator who accepted it, or an empty string."""
+    """Operator who accepted the placement, or an empty string."""
     method: Mapped[str]
-    """Value of `vsnbench.values.placement.PlacementMethod`: one look, or a turn on the spot."""
+    """Value of `vsnbench.values.placement.PlacementMethod`: one look, a turn on the spot, or the last steps."""
     looks: Mapped[int]
     """Number of depth images used."""
     x_m: Mapped[float]
@@ -31,11 +34,11 @@ class Placement(TableBase):
     ahead_m: Mapped[float]
     left_m: Mapped[float]
     turn_rad: Mapped[float]
-    """Offset from the mark: ahead, left, counter-clockwise turn."""
+    """Offset from the mark, or from the pose by the odometry: ahead, left, counter-clockwise turn."""
     determined: Mapped[bool]
-    """The measured pose was used as the start of the trajectory."""
+    """The measured pose was used: as the start of the trajectory, or as the pose that the protocol judged."""
     within_tolerance: Mapped[bool]
-    """The whole 95 % region was within the protocol's tolerance."""
+    """At the mark: the whole 95 % region was within the protocol's tolerance."""
     undetermined: Mapped[list[str]]
     """Directions that the view did not determine."""
     moved: Mapped[list[str]]
@@ -44,3 +47,15 @@ class Placement(TableBase):
     """Scale factor of the depth camera."""
     words: Mapped[str]
     """Text shown to the operator."""
+    distance_m: Mapped[float | None]
+    """After STOP: distance to the goal from the measured pose; NULL if it is not determined."""
+    distance_low_m: Mapped[float | None]
+    distance_high_m: Mapped[float | None]
+    """Least and greatest distance from the measured pose's 95 % region; NULL if it is not bounded."""
+    odometry_m: Mapped[float | None]
+    """After STOP: distance to the goal from the pose by the odometry."""
+    odometry_low_m: Mapped[float | None]
+    odometry_high_m: Mapped[float | None]
+    """Least and greatest distance from the 95 % region of the pose by the odometry."""
+    verdicts_differ: Mapped[bool | None]
+    """After STOP: it succeeds by one of the two poses and fails by the other."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Connection, insert, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from vsnbench.protocol.judge import Verdict
+from vsnbench.protocol.judge import GoalDistance, Verdict
+from vsnbench.protocol.stop_pose import StopPose
 from vsnbench.results.schema.base import TableBase
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.values.fix import Fix, PoseSource
@@ -23,6 +24,8 @@ Row = dict[str, Any]
 """Column name -> value."""
 
 
+AT_START, AT_STOP = "start", "stop"
+"""Moments at which a pose is measured."""
 _AT_ONCE = 500
 
 
@@ -109,7 +112,29 @@ def episode_begin_row(begin: EpisodeBegin) -> Row:
 
 
 def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
-    """Return the row of a measured placement accepted now."""
+    """Return the row of a placement at the mark, measured and accepted now."""
+    return {"moment": AT_START, **_measured_columns(episode_id, measured, author), "words": text(measured.headline)}
+
+
+def stop_row(episode_id: int, stop: StopPose) -> Row:
+    """Return the row of a pose measured now, after STOP."""
+    return {
+        "moment": AT_STOP,
+        **_measured_columns(episode_id, stop.placement, ""),
+        "words": text(stop.text),
+        **_range_columns("distance", stop.measured),
+        **_range_columns("odometry", stop.odometry),
+        "verdicts_differ": stop.verdicts_differ,
+    }
+
+
+def _range_columns(prefix: str, distance: GoalDistance | None) -> Row:
+    low_m, high_m = (None, None) if distance is None or distance.range_m is None else distance.range_m
+    values = {"": None if distance is None else distance.distance_m, "_low": low_m, "_high": high_m}
+    return {f"{prefix}{part}_m": number(value) for part, value in values.items()}
+
+
+def _measured_columns(episode_id: int, measured: MeasuredPlacement, author: str) -> Row:
     offset = measured.offset
     return {
         "episode_id": episode_id,
@@ -127,7 +152,6 @@ def measured_row(episode_id: int, measured: MeasuredPlacement, author: str) -> R
         "undetermined": [text(direction) for direction in measured.undetermined],
         "moved": [text(name) for name in measured.moved],
         "depth_scale": measured.depth_scale,
-        "words": text(measured.headline),
     }
 
 

@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.stop_pose import StopPose
 from vsnbench.values.fix import Fix
 from vsnbench.values.placement import MeasuredPlacement
 
@@ -50,6 +51,8 @@ class EpisodeEnd:
     """On the robot's clock."""
     ended_at: datetime | None = None
     """Default: now."""
+    stop: StopPose | None = None
+    """Pose measured after STOP; None if it was not measured."""
     unjudged: bool = False
     """Nothing is proposed: the verdict has the end reason only, is not recorded, and a person has to judge."""
 

@@ -21,6 +21,7 @@ from vsnbench.results.schema.row_encoding import (
     insert_row,
     measured_row,
     pose_columns,
+    stop_row,
     verdict_row,
 )
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, TrialRow, VerdictRow
@@ -282,3 +283,5 @@ def write_end(connection: Connection, process_id: int, episode_id: int, end: Epi
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
         connection.execute(insert(VerdictRow), row)
+    if end.stop is not None:
+        connection.execute(insert(Placement), stop_row(episode_id, end.stop))

@@ -8,13 +8,15 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
-from sqlalchemy import Connection, Engine, func, select, update
+from sqlalchemy import Connection, Engine, Row, func, select, update
 
 from vsnbench.results.fields import fields_of, quantity
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.placement_tables import Placement
-from vsnbench.results.schema.row_encoding import Row, insert_row, text
+from vsnbench.results.schema.row_encoding import AT_START, AT_STOP, insert_row, text
+from vsnbench.results.schema.row_encoding import Row as Columns
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, SessionRow, TrialRow
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.results.writing.lifecycle import ACTIVE
@@ -43,17 +45,35 @@ class RecordedPlacement:
 
     author: str = quantity("operator who accepted the placement; empty if it was not accepted")
     created_at: datetime = quantity("time of the measurement")
-    method: str = quantity("`look` (one depth image) or `turn` (a turn on the spot)")
+    method: str = quantity("`look` (one depth image), `turn` (a turn on the spot) or `drive` (the last steps)")
     looks: int = quantity("number of depth images")
     pose: Fix = quantity("measured pose")
     covariance: PoseCovariance = quantity("covariance of the pose in the site's frame")
-    offset: Pose = quantity("offset from the starting position: x ahead, y left")
+    offset: Pose = quantity("offset from the starting position, after STOP from the pose by odometry: x ahead, y left")
     determined: bool = quantity("the images determine the pose")
     within_tolerance: bool = quantity("the robot was within the tolerance of the starting position")
     undetermined: tuple[str, ...] = quantity("directions that the images left open")
     moved: tuple[str, ...] = quantity("ids of objects that are not where the site file has them")
     depth_scale: float = quantity("correction factor of the depth camera's distances")
     words: str = quantity("result in one line")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedStop(RecordedPlacement):
+    """A pose measured after STOP; its offset is that from the pose by the odometry."""
+
+    distance_m: float | None = quantity("distance to the goal from the measured pose", absent="if not determined")
+    distance_low_m: float | None = quantity("least distance from its 95 % region", absent="if not determined")
+    distance_high_m: float | None = quantity(
+        "greatest distance from its 95 % region", absent="if not determined or not bounded"
+    )
+    odometry_m: float | None = quantity("distance to the goal from the pose by the odometry")
+    odometry_low_m: float | None = quantity("least distance from the 95 % region of that pose")
+    odometry_high_m: float | None = quantity("greatest distance from that region", absent="if it is not bounded")
+    verdicts_differ: bool = quantity("STOP succeeds by one of the two poses and fails by the other")
+
+
+_OF_STOP = tuple(name for name in RecordedStop.__annotations__)
 
 
 def join_session(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:
@@ -109,24 +129,39 @@ def session_of(connection: Connection, episode_id: int) -> RecordedSession | Non
 
 def placement_of(connection: Connection, episode_id: int) -> RecordedPlacement | None:
     """Return the measured start pose of an episode; None if it was not measured."""
-    row = connection.execute(select(Placement.__table__).where(Placement.episode_id == episode_id)).first()
+    row = _measured(connection, episode_id, AT_START)
+    return None if row is None else RecordedPlacement(**_placement(row))
+
+
+def stop_of(connection: Connection, episode_id: int) -> RecordedStop | None:
+    """Return the pose measured after the STOP of an episode; None if it was not measured."""
+    row = _measured(connection, episode_id, AT_STOP)
     if row is None:
         return None
-    return RecordedPlacement(
-        author=row.author,
-        created_at=row.created_at,
-        method=row.method,
-        looks=row.looks,
-        pose=Fix(Pose(row.x_m, row.y_m, row.heading_rad), PoseSource.MEASURED),
-        covariance=PoseCovariance(*row.covariance),
-        offset=Pose(row.ahead_m, row.left_m, row.turn_rad),
-        determined=row.determined,
-        within_tolerance=row.within_tolerance,
-        undetermined=tuple(row.undetermined),
-        moved=tuple(row.moved),
-        depth_scale=row.depth_scale,
-        words=row.words,
-    )
+    return RecordedStop(**_placement(row), **{name: getattr(row, name) for name in _OF_STOP})
+
+
+def _measured(connection: Connection, episode_id: int, moment: str) -> Row[Any] | None:
+    query = select(Placement.__table__).where(Placement.episode_id == episode_id, Placement.moment == moment)
+    return connection.execute(query).first()
+
+
+def _placement(row: Row[Any]) -> dict[str, Any]:
+    return {
+        "author": row.author,
+        "created_at": row.created_at,
+        "method": row.method,
+        "looks": row.looks,
+        "pose": Fix(Pose(row.x_m, row.y_m, row.heading_rad), PoseSource.MEASURED),
+        "covariance": PoseCovariance(*row.covariance),
+        "offset": Pose(row.ahead_m, row.left_m, row.turn_rad),
+        "determined": row.determined,
+        "within_tolerance": row.within_tolerance,
+        "undetermined": tuple(row.undetermined),
+        "moved": tuple(row.moved),
+        "depth_scale": row.depth_scale,
+        "words": row.words,
+    }
 
 
 def interventions_in(engine: Engine, campaigns: Sequence[int]) -> int:
@@ -145,7 +180,7 @@ def interventions_in(engine: Engine, campaigns: Sequence[int]) -> int:
         return int(connection.scalar(query) or 0)
 
 
-def session_row(connection: Connection, session_id: int | None) -> Row | None:
+def session_row(connection: Connection, session_id: int | None) -> Columns | None:
     """Return the content of a session without foreign keys; None for None."""
     if session_id is None:
         return None
@@ -153,7 +188,7 @@ def session_row(connection: Connection, session_id: int | None) -> Row | None:
     return dict(connection.execute(query).mappings().one())
 
 
-def find_or_insert_session(connection: Connection, row: Row, process_id: int, robot_id: int) -> int:
+def find_or_insert_session(connection: Connection, row: Columns, process_id: int, robot_id: int) -> int:
     """Return the number of another record's session; a copy of an open session is updated with its end."""
     known = connection.execute(select(SessionRow.id, SessionRow.ended_at).where(SessionRow.uuid == row["uuid"])).first()
     if known is None:

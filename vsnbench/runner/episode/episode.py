@@ -16,10 +16,12 @@ from vsnbench.runner.episode.continuous import ContinuousStepper
 from vsnbench.runner.episode.depth_guard import get_ready
 from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.episode.step import EpisodePlan, Step, Stepper
+from vsnbench.runner.episode.stop_measurement import StopMeasurement
 from vsnbench.runner.operator.placing import PlacementLook, Placing
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, Stopped, StopRequest, StopRequests
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.fix import Fix
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.observation import Sensor
 
 logger = logging.getLogger(__name__)
 
@@ -98,6 +100,7 @@ def run_episode(
     battery = ""
     stopped: Stopped | None = None
     stepper: Stepper | None = None
+    looks: StopMeasurement | None = None
     error = ""
     try:
         get_ready(robot.identity.profile.camera, robot.identity.profile.base, plan.parameters.depth_guard)
@@ -111,12 +114,15 @@ def run_episode(
             task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
         reason: EndReason | None = None
+        looks = _stop_measurement(robot, plan, here, placed)
         stepper_class = Stepper if plan.parameters.execution is None else ContinuousStepper
         stepper = stepper_class(robot, calls, view, plan, here, stop)
         while reason is None:
             step, reason = stepper.take(spent, here)
             recorder.step(step)
             spent, here = step.spent, step.site_after
+            if looks is not None:
+                looks.look(step.observation)
             operator.step_taken(plan, step)
             if step.answer is not None and step.answer.stale:
                 recorder.event("stale", f"the answer was {step.answer.age_s:.1f} s old, and was dropped")
@@ -149,6 +155,8 @@ def run_episode(
             raise stopped
         error = f"could not begin: {error or 'no reason given'}"
     outcome = _judged(robot, plan, reason, spent.actions, time.monotonic() - began, error, began=recording)
+    if looks is not None:
+        outcome = looks.judged(outcome)
     if outcome.error:
         recorder.event(outcome.verdict.end_reason.value, outcome.error)
     if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:
@@ -191,6 +199,17 @@ def _place_at_start(
             return placing.begin(), placing.last
         except NotPlacedError as error:
             problem = str(error)
+
+
+def _stop_measurement(
+    robot: Robot, plan: EpisodePlan, start: Fix, placed: PlacementLook | None
+) -> StopMeasurement | None:
+    """Return what measures the pose after STOP; None for a robot whose pose is known, or without a depth camera."""
+    if Sensor.DEPTH not in robot.sensors or start.source not in (PoseSource.MEASURED, PoseSource.ESTIMATED):
+        return None
+    is_measured = start.source is PoseSource.MEASURED and placed is not None and placed.measured is not None
+    known = placed.measured.covariance if is_measured and placed and placed.measured else None
+    return StopMeasurement(plan.site, plan.goal, plan.parameters, start, known)
 
 
 def _judged(

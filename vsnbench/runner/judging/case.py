@@ -1,18 +1,19 @@
 """An ended episode with everything that a decision about it needs."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.human_verdict import LONGEST_M
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.model import EpisodeRecord, RecordedVerdict
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import reached_words
-from vsnbench.values.fix import PoseSource
+from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,8 @@ class Case:
     """The verdict that counts now; None while the episode awaits one."""
     recorded_distance: GoalDistance | None = None
     """The distance in the episode's own row."""
+    odometry: GoalDistance | None = None
+    """Distance from the pose by the odometry where another pose was measured from images after STOP."""
 
     @classmethod
     def of_ended(cls, ended: EndedEpisode) -> Self:
@@ -54,6 +57,7 @@ class Case:
             measured_to=reached_words(plan.site, plan.goal),
             instance=verdict.distance.instance if verdict.distance else "",
             proposal=verdict,
+            odometry=ended.outcome.stop.odometry if ended.outcome.stop and ended.outcome.stop.measured else None,
         )
 
     @classmethod
@@ -83,6 +87,7 @@ class Case:
             proposal=_verdict(episode.proposal),
             current_verdict=_verdict(episode.current_verdict),
             recorded_distance=recorded,
+            odometry=_by_odometry(episode, site),
         )
 
     @property
@@ -121,6 +126,21 @@ def recorded_site(episode: EpisodeRecord) -> Site | None:
         return Site.model_validate(episode.provenance.site_content)
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _by_odometry(episode: EpisodeRecord, site: Site | None) -> GoalDistance | None:
+    """Return the distance from the pose by the odometry; None where it is the only pose, or the site is damaged."""
+    stop = episode.stopped
+    if stop is None or not stop.determined or stop.odometry_m is None or site is None:
+        return None
+    pose = stop.pose.pose.compose(Pose(0.0, 0.0).relative_to(stop.offset))
+    parameters = ProtocolParameters.from_record(episode.provenance.protocol)
+    try:
+        distance = distance_to_goal(site, episode.goal, Fix(pose, PoseSource.ESTIMATED), parameters)
+    except ValueError:
+        return None
+    range_m = (stop.odometry_low_m or 0.0, math.inf if stop.odometry_high_m is None else stop.odometry_high_m)
+    return replace(distance, range_m=range_m)
 
 
 def _verdict(recorded: RecordedVerdict | None) -> Verdict | None:

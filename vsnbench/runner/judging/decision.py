@@ -6,13 +6,16 @@ from enum import StrEnum
 from vsnbench.errors import UsageError
 from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.human_verdict import collided, declared_void, metres, taped
-from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.judge import EndReason, Verdict, judge
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.operator.answers import MisreadError, TypedAnswer, parse_touched
 from vsnbench.runner.operator.contract import Judgement
+from vsnbench.values.fix import PoseSource
 
 SURPRISE_M = 1.0
 """A measured distance that differs from the estimate by more must be confirmed."""
+ODOMETRY = "odometry"
+"""In place of a distance by tape: the pose by the odometry is right, not the one measured from images."""
 
 
 class UnconfirmedAnswerError(MisreadError):
@@ -25,7 +28,7 @@ class AnswerKind(StrEnum):
     CONFIRM = "confirm"
     """The protocol's proposal is right."""
     MEASURED = "measured"
-    """Distance by tape measure."""
+    """Distance by tape measure, or `odometry`."""
     COLLISION = "collision"
     """The robot touched something that it did not feel."""
     VOID = "void"
@@ -53,7 +56,7 @@ class JudgingForm:
     touched: str = ""
     """`no`, or what the robot touched."""
     distance: str = ""
-    """By tape measure, `0.84` or `84 cm`; empty keeps the estimate."""
+    """By tape measure, `0.84` or `84 cm`; `odometry` for its pose; empty keeps the estimate."""
     felt: bool = False
     """The collision that the robot felt did happen."""
     void: str = ""
@@ -130,6 +133,13 @@ def _measured(case: Case, text: str) -> Verdict:
             "result",
             advice="if the robot touched something, report a collision; else declare the episode void",
         )
+    if text.lower() == ODOMETRY:
+        if case.odometry is None:
+            raise MisreadError(
+                f"episode {case.number} has no other pose than the odometry's",
+                advice="keep the estimate, or give metres by tape, like 0.84",
+            )
+        return judge(case.ended_with, case.actions, case.odometry, case.parameters)
     try:
         distance_m = metres(text, case.longest_m)
     except UsageError as error:
@@ -142,7 +152,8 @@ def _doubts(case: Case, answer: Answer, verdict: Verdict) -> list[str]:
     doubts = []
     if answer.kind is AnswerKind.MEASURED and verdict.distance is not None:
         measured_m, estimate, success_m = verdict.distance.distance_m, case.estimate, case.parameters.success_distance_m
-        measured = f"measured {distance_text(measured_m, success_m)} m"
+        by = "measured" if verdict.distance.source is PoseSource.TAPE else "odometry"
+        measured = f"{by} {distance_text(measured_m, success_m)} m"
         if estimate is not None:
             measured += f", estimated {distance_text(estimate.distance_m, success_m)} m"
         expected = case.expected_success

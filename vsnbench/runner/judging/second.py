@@ -58,7 +58,7 @@ def blind_case(details: EpisodeRecord) -> Case:
     case = Case.of_recorded(details)
     stopped = case.ended_with is EndReason.STOP
     proposal = None if stopped else judge(case.ended_with, case.actions, None, case.parameters)
-    return replace(case, number=0, proposal=proposal, current_verdict=None, recorded_distance=None)
+    return replace(case, number=0, proposal=proposal, current_verdict=None, recorded_distance=None, odometry=None)
 
 
 def decide_second(case: Case, answer: Answer) -> tuple[Outcome, str]:

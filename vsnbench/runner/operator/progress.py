@@ -122,6 +122,9 @@ class ProgressDisplay(Display):
             f"[{_STYLE[success]}]{escape(outcome.verdict.text)}[/]{why}",
             soft_wrap=not self.console.is_terminal,
         )
+        if (stop := outcome.stop) is not None:
+            style = "yellow" if stop.verdicts_differ else "dim"
+            self.console.print(f"[{style}]{escape(stop.text)}[/]", soft_wrap=not self.console.is_terminal)
 
     def say(self, text: str) -> None:
         """Print a line above the bar."""

@@ -19,7 +19,7 @@ from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import EndReason
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.judging.case import Case
-from vsnbench.runner.judging.decision import Answer, AnswerKind, UnconfirmedAnswerError, decide
+from vsnbench.runner.judging.decision import ODOMETRY, Answer, AnswerKind, UnconfirmedAnswerError, decide
 from vsnbench.runner.operator.answers import (
     MisreadError,
     TypedAnswer,
@@ -267,6 +267,8 @@ class TerminalOperator(AbsentOperator):
         keep = ""
         if case.estimate:
             keep = f"keep {distance_text(case.estimate.distance_m, case.parameters.success_distance_m)} / "
+        if case.odometry:
+            keep += f"{ODOMETRY} {distance_text(case.odometry.distance_m, case.parameters.success_distance_m)} / "
         prompt = f"Metres by tape to the nearest {case.goal}? (0.84 / {keep}later): "
         while True:
             distance = self._ask_until(prompt, parse_distance)

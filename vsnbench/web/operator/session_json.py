@@ -4,6 +4,8 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from vsnbench.protocol.distance_text import distance_text
+from vsnbench.protocol.judge import GoalDistance
+from vsnbench.protocol.stop_pose import range_text
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.corrections import ShownEpisode
 from vsnbench.runner.loop.contract import Session
@@ -115,9 +117,16 @@ def case_json(case: Case) -> dict[str, Any]:
         "actions": case.actions,
         "estimate_m": distance_text(estimate.distance_m, success_m) if estimate else None,
         "in_sight": estimate.in_sight if estimate else None,
+        "estimate": _range_json(estimate, success_m),
+        "odometry": _range_json(case.odometry, success_m),
         "proposal": case.proposal.text if case.proposal else "",
         "success_m": success_m,
     }
+
+
+def _range_json(distance: GoalDistance | None, success_m: float) -> str:
+    """Return a distance with its range, if it is known; empty otherwise."""
+    return "" if distance is None or distance.range_m is None else range_text(distance, success_m)
 
 
 def episode_json(shown: ShownEpisode) -> dict[str, Any]:

@@ -86,12 +86,19 @@ export function judgingForm(theCase, options) {
   parts.push(element("label", {}, question), element("div", { class: "row" }, no, yes), what);
   if (isStop) {
     const sight = theCase.in_sight === false ? ", not in line of sight" : "";
-    const estimate = theCase.estimate_m == null ? "" : `Estimate: ${theCase.estimate_m} m${sight}. `;
+    const known = theCase.odometry ? `Measured from images: ${theCase.estimate || `${theCase.estimate_m} m`}` : `Estimate: ${theCase.estimate || `${theCase.estimate_m} m`}`;
+    const estimate = theCase.estimate_m == null ? "" : `${known}${sight}. `;
     const advice = options.isSecond ? "Judge it from the images." : `${estimate}Leave empty to use the estimate.`;
     tape.append(
       ...field("distance", `${options.isSecond ? "Distance" : "Measured distance"} to the ${theCase.measured_to}, in line of sight, m`, { placeholder: "0.84", inputmode: "decimal" }),
       element("p", { class: "dim small" }, `${advice} Success: under ${theCase.success_m} m.`),
     );
+    if (theCase.odometry) {
+      // The other pose of the robot, in place of the one measured from images.
+      const input = tape.querySelector("input");
+      const useOdometry = () => { input.value = draft.distance = "odometry"; saveDraft(); };
+      tape.append(element("button", { type: "button", class: "button", "data-odometry": true, onclick: useOdometry }, `Odometry is right: ${theCase.odometry}`));
+    }
     parts.push(tape);
   }
   const chips = TAGS.map((tag) => {
