@@ -89,7 +89,7 @@ def measure_watchdog(link: RobotLink, profile: RobotProfile) -> WatchdogMeasurem
         )
     allowed_s = stated_s + _ALLOWED_S + 2 / profile.base.odometry_rate_hz
     try:
-        silent_s = _turn(link, steer)
+        silent_s = _turn(link, steer, max(_TURN_RAD_S, profile.base.min_angular_rad_s))
 
         def over(now: RobotSnapshot) -> bool:
             if now.latest is None or now.hazard_events:
@@ -116,11 +116,11 @@ def measure_watchdog(link: RobotLink, profile: RobotProfile) -> WatchdogMeasurem
     )
 
 
-def _turn(link: RobotLink, steer: Callable[[Command], None]) -> float:
+def _turn(link: RobotLink, steer: Callable[[Command], None], velocity_rad_s: float) -> float:
     """Turn the base until the odometry shows the turn. Returns the newest stamp at the last command."""
     began_s, before = time.monotonic(), link.snapshot().latest
     while True:
-        steer(Command(angular_rad_s=_TURN_RAD_S))
+        steer(Command(angular_rad_s=velocity_rad_s))
         time.sleep(_PERIOD_S)
         now = link.snapshot().latest
         if before is not None and now is not None and now.pose.heading_rad - before.pose.heading_rad > _TURNED_RAD:
