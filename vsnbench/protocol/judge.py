@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.limits import Spent
+from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource

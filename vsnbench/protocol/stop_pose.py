@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import GoalDistance, distance_to_goal
+from vsnbench.text.distances import distance_text
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.placement import FLOOR_REGION, MeasuredPlacement, PoseCovariance
 from vsnbench.values.pose import Pose

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from vsnbench.protocol.distance_text import distance_text
+from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.text.distances import distance_text
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Box
 from vsnbench.values.movement import movement_text

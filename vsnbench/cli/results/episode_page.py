@@ -44,7 +44,7 @@ def metres(value: float | None, success_distance_m: float | None = None) -> str:
 
     A distance to the goal is rounded to its side of the success distance.
     """
-    from vsnbench.protocol.distance_text import distance_text
+    from vsnbench.text.distances import distance_text
 
     if value is None:
         return ""

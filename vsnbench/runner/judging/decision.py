@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vsnbench.errors import UsageError
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.human_verdict import collided, declared_void, metres, taped
 from vsnbench.protocol.judge import EndReason, Verdict, judge
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.operator.answers import MisreadError, TypedAnswer, parse_touched
 from vsnbench.runner.operator.contract import Judgement
+from vsnbench.text.distances import distance_text
 from vsnbench.values.fix import PoseSource
 
 SURPRISE_M = 1.0

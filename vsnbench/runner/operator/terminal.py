@@ -15,7 +15,6 @@ from typing import TypeVar
 from rich.markup import escape
 
 from vsnbench.errors import ExitCode, UsageError
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import EndReason
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.judging.case import Case
@@ -51,6 +50,7 @@ from vsnbench.runner.operator.terminal_placing import TerminalPlacing
 from vsnbench.runner.stopping.emergency_key import EmergencyStop
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped, StopRequest, StopRequests, leave_dead_terminal
 from vsnbench.sites.site import StartingPosition
+from vsnbench.text.distances import distance_text
 from vsnbench.values.robot_profile import RobotProfile
 
 Parsed = TypeVar("Parsed")

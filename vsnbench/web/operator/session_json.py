@@ -3,7 +3,6 @@
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from vsnbench.protocol.distance_text import distance_text
 from vsnbench.protocol.judge import GoalDistance
 from vsnbench.protocol.stop_pose import range_text
 from vsnbench.runner.judging.case import Case
@@ -13,6 +12,7 @@ from vsnbench.runner.operator.contract import Upcoming
 from vsnbench.runner.operator.prompts import OperatorPrompts, QuestionKind
 from vsnbench.runner.operator.session_state import SessionState
 from vsnbench.sites.targets import goal_words, targets_of
+from vsnbench.text.distances import distance_text
 from vsnbench.values.pose import Pose
 
 MAX_STEPS: Final = 400

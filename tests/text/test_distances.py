@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsnbench.protocol.distance_text import distance_text
+from vsnbench.text.distances import distance_text
 
 
 @pytest.mark.parametrize(
