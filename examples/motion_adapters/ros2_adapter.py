@@ -8,6 +8,7 @@ Another robot is another `Base` in place of `TwistBase`, or another `execute` (n
 
 import json
 import math
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -113,11 +114,12 @@ class TwistBase(Base):
 def serve(name: str, make: Callable) -> None:
     """Run the node until Ctrl-C; `make(node)` returns the function that answers questions, and one that stops."""
     import rclpy
-    from rclpy.executors import ExternalShutdownException
     from rclpy.node import Node
+    from rclpy.signals import SignalHandlerOptions
     from std_msgs.msg import String
 
-    rclpy.init()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave time to stop the robot
     node = Node(name)
     answers = node.create_publisher(String, f"{name}/answer", 10)
     answer, stop = make(node)
@@ -125,11 +127,14 @@ def serve(name: str, make: Callable) -> None:
     node.create_subscription(String, f"{name}/question", lambda message: service.on_question(message.data), 10)
     print(f"serving {name}")
     try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while True:
+            rclpy.spin_once(node, timeout_sec=0.1)
+    except KeyboardInterrupt:
         print("stopped")
     finally:
         stop()
+        time.sleep(0.1)  # for the last message
+        rclpy.shutdown()
 
 
 def with_twist(node) -> tuple[Callable, Callable]:

@@ -18,7 +18,8 @@ from by_velocity import Base, execute
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-WIRE, PORT, PROGRESS_S = 1, 8770, 0.1
+WIRE, PROGRESS_S = 1, 0.1
+PORT = int(os.environ.get("ADAPTER_PORT", "8770"))
 TOKEN = os.environ.get("VSNBENCH_TOKEN", "")
 in_use = threading.Lock()
 

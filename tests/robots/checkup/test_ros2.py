@@ -167,6 +167,13 @@ def test_a_robot_without_a_mover_is_steered_over_the_network() -> None:
     ("answer", "health", "shows"),
     [
         ({"missing": ""}, "ok", "runs on the robot, and answers"),
+        (
+            {"missing": "", "adapter": {"name": "nav2", "version": "1"}},
+            "ok",
+            "nav2 1 answers; it executes move",
+        ),
+        ({"missing": "", "adapter": {"name": ""}}, "failed", "its card has no `name`"),
+        ({"missing": "", "adapter": {"name": "x", "movements": ["fly"]}}, "failed", "its card cannot be read"),
         ({"missing": "no odometry on /odom"}, "failed", "no odometry on /odom"),
         ({"movement": "", "answer": False, "reason": "unknown movement ''"}, "failed", "another version of vsnbench"),
     ],
@@ -179,3 +186,12 @@ def test_a_mover_on_the_robot_has_to_answer(answer: dict[str, Any], health: str,
     assert asked == [{"request": "ping"}]
     assert result.health == health
     assert shows in result.seen
+
+
+def test_a_robot_without_velocities_needs_its_adapter() -> None:
+    listener = Listener(subscribing={})
+    listener.checkup.names = NAMES.model_copy(update={"command": ""})
+    assert listener.commands() == []
+    result = listener.mover()
+    assert result.health == "failed"
+    assert "no motion adapter serves it" in result.seen

@@ -14,6 +14,7 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
 from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.robots.contract import Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
@@ -22,7 +23,18 @@ from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
-from vsnbench.values.movement import ActionKind, Chunk, Movement, Pixel, Sidestep, Velocity, Waypoint
+from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import (
+    ActionKind,
+    Chunk,
+    Drive,
+    Move,
+    Movement,
+    Pixel,
+    Sidestep,
+    Velocity,
+    Waypoint,
+)
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -46,12 +58,25 @@ class Scripted(Policy):
         return Decision(self._answers.pop(0) if self._answers else Action.STOP)
 
 
+class Avoiding(SimulatedRobot):
+    """A robot whose own obstacle avoidance stops every way."""
+
+    def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
+        if isinstance(movement, Move) and movement.distance_m:
+            return MotionResult(completed=False, blocked="a person stands there", pose=Pose(0.0, 0.0))
+        return super().drive(movement, watch)
+
+
 def run(
-    policy: Policy, max_actions: int = 20, profile: RobotProfile | None = None, start: int = 1
+    policy: Policy,
+    max_actions: int = 20,
+    profile: RobotProfile | None = None,
+    start: int = 1,
+    kind: type[SimulatedRobot] = SimulatedRobot,
 ) -> tuple[EpisodeEnd, MemoryRecorder]:
     recorder = MemoryRecorder()
     plan = replace(PLAN, parameters=ProtocolParameters(max_actions=max_actions), start=PLAN.site.starts[start - 1])
-    with StopRequests() as stop, SimulatedRobot(plan.site, profile or load_profile("turtlebot2")) as robot:
+    with StopRequests() as stop, kind(plan.site, profile or load_profile("turtlebot2")) as robot:
         return run_episode(robot, policy, plan, recorder, NOBODY, stop), recorder
 
 
@@ -100,6 +125,13 @@ def test_a_blocked_part_drops_the_rest_of_its_chunk() -> None:
     assert not blocked[0].result.completed
     assert recorder.steps[-1].decision.action is Action.STOP
     assert policy.asked == 2
+    assert outcome.verdict.end_reason is EndReason.STOP
+
+
+def test_a_robot_that_avoids_an_obstacle_by_itself_takes_a_blocked_step() -> None:
+    outcome, recorder = run(Scripted(Action.MOVE_BACKWARD, Action.TURN_LEFT), kind=Avoiding)
+    assert [step.refusal for step in recorder.steps] == ["a person stands there", "", ""]
+    assert ("blocked", "a person stands there") in recorder.events
     assert outcome.verdict.end_reason is EndReason.STOP
 
 

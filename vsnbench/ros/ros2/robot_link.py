@@ -129,7 +129,7 @@ class Ros2Link(RobotLink):
         return result.completed
 
     def _ask_robot(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None) -> MotionResult:
-        deadline_s = max(timeout_s - ANSWER_S, timeout_s / 2)
+        deadline_s = timeout_s - ANSWER_S if timeout_s > ANSWER_S else timeout_s / 2
         request = {"request": "drive", "movement": movement_to_json(movement), "deadline_s": deadline_s}
         answer = self._discrete_move.call(request, timeout_s, watch)
         try:

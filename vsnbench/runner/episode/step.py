@@ -201,7 +201,8 @@ class Stepper:
                 if guard.blocked:
                     return guard, None, guard.text
             self._moves = decision.action.moves
-            return guard, self._robot.drive(self._plan.parameters.movement_of(decision.action)), ""
+            result = self._robot.drive(self._plan.parameters.movement_of(decision.action))
+            return guard, result, result.blocked  # a robot's own obstacle avoidance
         movement = decision.movement
         if isinstance(movement, Pixel):
             waypoint = waypoint_of(movement, seen, self._base, self._guard)
