@@ -8,10 +8,12 @@ import pytest
 
 from vsnbench.robots.profiles import load_profile
 from vsnbench.ros.common.interface import AttitudeSource
+from vsnbench.ros.common.messages import fill_orientation
 from vsnbench.ros.common.odometry import OdometryReader
 from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.odometry.attitude import AttitudeReader, attitude_at
+from vsnbench.sensing.odometry.odometry import heading_of_quaternion
 from vsnbench.values.pose import Attitude
 
 LEANING = Attitude(math.radians(-3), math.radians(8))
@@ -53,6 +55,13 @@ def test_roll_and_pitch_of_an_orientation_do_not_depend_on_its_heading(heading_r
     read = reader().read(quaternion(LEANING, heading_rad))
     assert isinstance(read, Attitude)
     assert read.turned_from(LEANING) < 1e-9
+
+
+def test_a_simulated_robot_publishes_heading_and_attitude_in_one_orientation() -> None:
+    turn = SimpleNamespace()
+    fill_orientation(turn, 2.0, LEANING)
+    assert heading_of_quaternion(turn.x, turn.y, turn.z, turn.w) == pytest.approx(2.0)
+    assert Attitude.of_quaternion(turn.x, turn.y, turn.z, turn.w).turned_from(LEANING) < 1e-9
 
 
 def test_an_imu_with_gravity_in_the_frame_of_the_base_is_read() -> None:
