@@ -203,10 +203,10 @@ def test_three_trials_end_with_stop_and_are_judged(session) -> None:
 def test_the_recorded_distance_is_that_of_the_tape_and_the_estimate_is_near_it(session) -> None:
     query = "select distance_source, distance_m, success from verdict where {} order by episode_id, id"
     taped = session.rows(query.format("source = 'person'"))
-    estimated = session.rows(query.format("proposed and distance_source = 'estimated'"))
+    estimated = session.rows(query.format("proposed and distance_source in ('estimated', 'measured')"))
     true_m = [truth["chair_m"] for truth in session.judged]
-    for (_, estimate_m, _), truth_m in zip(estimated, true_m, strict=True):
-        sys.stdout.write(f"estimated {estimate_m:.3f} m, true {truth_m:.3f} m\n")
+    for (source, estimate_m, _), truth_m in zip(estimated, true_m, strict=True):
+        sys.stdout.write(f"{source} {estimate_m:.3f} m, true {truth_m:.3f} m\n")
     assert [row[0] for row in taped] == ["tape"] * 3
     assert [row[1] for row in taped] == pytest.approx(true_m, abs=0.001)
     assert [bool(row[2]) for row in taped] == [truth_m < 1.0 for truth_m in true_m]
