@@ -24,7 +24,7 @@ _LONGEST_REST_S = 3.0
 """The odometry of a base with noise is never still."""
 
 
-class OdometryReader(Protocol):
+class _ReadOdometry(Protocol):
     """Reads the odometry of a simulated base."""
 
     def __call__(self, *, fresh: bool = False) -> tuple[Pose, float]:
@@ -49,7 +49,7 @@ class DrivingOn:
         settings: MotionSettings,
         mover: SimulatedMover | None,
         base: DrivenBase,
-        read: OdometryReader,
+        read: _ReadOdometry,
         look: Callable[[Command, float], DrivingView],
         name_of: Callable[[Touch], str],
     ) -> None:
