@@ -144,7 +144,7 @@ class Goal(str):
             raise WireError(f"no goal is of kind {goal.kind!r:.20}")
         if goal.kind == "category":
             goal.category = goal.category or str(goal)
-        goal.image = None if fields.get("image") is None else rgb_of(fields["image"])
+        goal.image = None if fields.get("image") is None else _rgb_of(fields["image"])
         return goal
 
 
@@ -865,12 +865,12 @@ def observation_of(message: dict[str, Any]) -> Observation:
     if budget is not None and (not isinstance(budget, dict) or set(budget) != set(_BUDGET)):
         raise WireError("`budget` must be a mapping with {}".format(", ".join(_BUDGET)))
     return Observation(
-        rgb=None if rgb is None else rgb_of(rgb),
-        depth_m=None if depth is None else depth_of(depth),
+        rgb=None if rgb is None else _rgb_of(rgb),
+        depth_m=None if depth is None else _depth_of(depth),
         pose=pose,
         stamp_s=float(stamp_s),
         camera=Camera(camera),
-        beyond_range=None if depth is None else beyond_range_of(depth),
+        beyond_range=None if depth is None else _beyond_range_of(depth),
         budget=budget,
     )
 
@@ -899,8 +899,7 @@ def _array(data: bytes, kind: Any, shape: tuple[int, ...], name: str) -> Any:
     return np.frombuffer(data, kind).reshape(shape)
 
 
-def rgb_of(image: Any) -> Any:
-    """Return the colours (H, W, 3) uint8 of an `rgb` map; raises WireError."""
+def _rgb_of(image: Any) -> Any:
     encoding, height, width, data = _image(image, "rgb")
     if encoding == "raw":
         return _array(data, np.uint8, (height, width, 3), "rgb")
@@ -912,8 +911,7 @@ def rgb_of(image: Any) -> Any:
     raise WireError(f"`rgb` must be raw or jpeg, not {encoding!r:.20}")
 
 
-def depth_of(image: Any) -> Any:
-    """Return the depth (H, W) float32 of a `depth` map, metres, NaN where invalid; raises WireError."""
+def _depth_of(image: Any) -> Any:
     encoding, height, width, data = _image(image, "depth")
     if encoding == "f32":
         return _array(data, np.dtype("<f4"), (height, width), "depth").astype(np.float32, copy=False)
@@ -925,8 +923,7 @@ def depth_of(image: Any) -> Any:
     raise WireError(f"`depth` must be f32 or mm16, not {encoding!r:.20}")
 
 
-def beyond_range_of(image: Any) -> Any:
-    """Return which pixels (H, W) of a `depth` map are beyond the camera's range, or None; raises WireError."""
+def _beyond_range_of(image: Any) -> Any:
     packed = image.get("beyond_range")
     if packed is None:
         return None

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import ValidationError
 
 from vsnbench.errors import RobotError
-from vsnbench.models.remote.vsnbench_policy import WireError, beyond_range_of, depth_of, rgb_of
+from vsnbench.models.remote.vsnbench_policy import WireError, observation_of
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.values.battery import Battery
 from vsnbench.values.encoding.motion_answer import number_in, result_of_answer, text_in
@@ -138,10 +138,7 @@ def colours_in(message: Mapping[str, Any]) -> npt.NDArray[np.uint8]:
     Raises:
         InvalidAnswerError: there are none, or they are not an image.
     """
-    try:
-        image: npt.NDArray[np.uint8] = rgb_of(message.get("rgb"))
-    except WireError as error:
-        raise InvalidAnswerError(str(error)) from error
+    image: npt.NDArray[np.uint8] = _image_in(message, "rgb").rgb
     return image
 
 
@@ -151,10 +148,8 @@ def depth_in(message: Mapping[str, Any]) -> tuple[npt.NDArray[np.float32], npt.N
     Raises:
         InvalidAnswerError: there is none, or it is not an image.
     """
-    try:
-        return depth_of(message.get("depth")), beyond_range_of(message["depth"])
-    except WireError as error:
-        raise InvalidAnswerError(str(error)) from error
+    seen = _image_in(message, "depth")
+    return seen.depth_m, seen.beyond_range
 
 
 def stamp_in(message: Mapping[str, Any], key: str = "stamp_s", otherwise: float | None = None) -> float:
@@ -166,6 +161,16 @@ def stamp_in(message: Mapping[str, Any], key: str = "stamp_s", otherwise: float 
     try:
         return number_in(message, key, otherwise)
     except ValueError as error:
+        raise InvalidAnswerError(str(error)) from error
+
+
+def _image_in(message: Mapping[str, Any], key: str) -> Any:
+    """Return the observation of one image, which has the form of the wire."""
+    if message.get(key) is None:
+        raise InvalidAnswerError(f"`{key}` is missing")
+    try:
+        return observation_of({"stamp_s": 0.0, "camera": {}, key: message[key]})
+    except WireError as error:
         raise InvalidAnswerError(str(error)) from error
 
 
