@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from vsnbench.errors import UsageError
+from vsnbench.protocol.execution import CONTINUOUS
 from vsnbench.text.suggestions import closest
 from vsnbench.values.observation import Sensor
 
@@ -151,6 +152,21 @@ KINDS: Mapping[str, DisturbanceKind] = {
 }
 """Kinds by name, in the order in which they are listed."""
 
+STRESS_KINDS: Mapping[str, DisturbanceKind] = {
+    **KINDS,
+    CONTINUOUS: DisturbanceKind(
+        CONTINUOUS,
+        "the robot drives on while the model thinks, and answers have this latency; `run --continuous`",
+        "s",
+        (0.0, 0.3, 1.0, 3.0, 5.0),
+        0.0,
+        5.0,
+        frozenset(),
+        standard=False,
+    ),
+}
+"""Kinds of a stress test: also the execution, which is part of the protocol instead of a disturbance."""
+
 STANDARD_SET = tuple(name for name, kind in KINDS.items() if kind.standard)
 """Names of the disturbances that `vsnbench stress` applies by default."""
 
@@ -165,7 +181,7 @@ class Disturbance:
     @property
     def kind(self) -> DisturbanceKind:
         """The kind of the disturbance."""
-        return KINDS[self.name]
+        return STRESS_KINDS[self.name]
 
     @property
     def severity(self) -> int | None:
@@ -261,16 +277,18 @@ def parse_disturbances(values: Sequence[str]) -> Disturbances:
     return Disturbances.of(members.values())
 
 
-def known_kind(name: str) -> DisturbanceKind:
-    """Return the kind with a name; a hyphen counts as an underscore.
+def known_kind(name: str, kinds: Mapping[str, DisturbanceKind] = KINDS) -> DisturbanceKind:
+    """Return the kind with a name, by default of a disturbance; a hyphen counts as an underscore.
 
     Raises:
         UsageError: there is none (`unknown-disturbance`).
     """
-    kind = KINDS.get(name.replace("-", "_"))
+    kind = kinds.get(name.replace("-", "_"))
     if kind is None:
-        near = closest(name.lower().replace("-", "_"), KINDS)
-        advice = f"did you mean {near}?" if near else f"give {', '.join(KINDS)}"
+        near = closest(name.lower().replace("-", "_"), kinds)
+        advice = f"did you mean {near}?" if near else f"give {', '.join(kinds)}"
+        if name in STRESS_KINDS:
+            advice = f"give --{name} SECONDS"
         raise UsageError(f"{_OPTION}: unknown disturbance {name!r}", advice=advice, code="unknown-disturbance")
     return kind
 

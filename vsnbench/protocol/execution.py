@@ -40,6 +40,11 @@ class Execution(BaseModel):
     max_rate_hz: float = Field(default=10.0, gt=0, le=50, description="the model is called at most this often")
     max_answer_age_s: float = Field(default=5.0, gt=0, le=60, description="an older answer is dropped as stale")
 
+    @property
+    def text(self) -> str:
+        """The execution in words, such as `continuous, latency 0.3 s`."""
+        return text_of_execution({"execution": self.model_dump()})
+
     @model_validator(mode="after")
     def _check_latency(self) -> Self:
         if self.latency_s is not None and self.latency_s > self.max_answer_age_s:

@@ -11,6 +11,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.stress import (
     check_detects,
+    condition_of,
     conditions_of,
     design_of_stress,
     power_line,
@@ -93,3 +94,19 @@ def test_what_a_model_sees_is_asked_of_its_card_and_a_model_that_fails_is_left_t
     campaigns = plan_sweep(of_model("random"), ("random", "oracle"), (0,), ("apartment",))
     broken = of_model("pirlnav", model_options={"weights": "missing.pth"})
     assert seen_by((*campaigns, broken)) == {"random": frozenset(), "oracle": frozenset({Sensor.ODOMETRY})}
+
+
+def test_continuous_execution_is_a_condition_by_latency_and_part_of_the_protocol() -> None:
+    conditions = conditions_of(["continuous"], [1, 2, 4])
+    assert [condition.text for condition in conditions] == ["", "continuous=0", "continuous=0.3", "continuous=3"]
+    sweep = under_conditions((REQUEST,), conditions, {})
+    paper = sweep[0].setup.parameters
+    assert [each.setup.disturbances for each in sweep] == [NONE] * 4
+    latencies = [each.setup.parameters.execution and each.setup.parameters.execution.latency_s for each in sweep]
+    assert latencies == [None, 0.0, 0.3, 3.0]
+    assert [condition_of(each.setup, paper) for each in sweep] == list(conditions)
+
+
+def test_continuous_execution_is_no_disturbance_of_a_run() -> None:
+    with pytest.raises(UsageError, match="--continuous SECONDS"):
+        parse_disturbances(["continuous=0.3"])

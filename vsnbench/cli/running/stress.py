@@ -42,7 +42,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             metavar="A,B",
             show_default="the standard set",
             help="Disturbances, each on its own: blur, glare, low_light, depth_holes, camera_height, camera_tilt, "
-            "dropped_frames, odometry_drift, stale_frames, latency.",
+            "dropped_frames, odometry_drift, stale_frames, latency, or continuous.",
         ),
     ] = None,
     severity: Annotated[
@@ -84,6 +84,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench stress --model pirlnav,vlv --goal all --figure stress.svg
         vsnbench stress --model vlv --goal bed --disturb dropped_frames
         vsnbench stress --model vlv --goal all --severity 5 --detect 40
+        vsnbench stress --model oracle-waypoints --goal all --disturb continuous
         vsnbench stress --model mylab.policy:Policy --goal chair --json
 
     Runs every trial undisturbed and with each disturbance at each severity,

@@ -16,8 +16,8 @@ from vsnbench.report.comparison.stress import StressedCampaigns, StressedModel, 
 from vsnbench.report.measures import COUNT, Measure, Measures, objects
 from vsnbench.report.table import print_tables
 from vsnbench.report.tables.stress import STRESSED, stress_table
-from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.stress import condition_of
 from vsnbench.runner.setup.sweep import Sweep, Swept, undone
 
 _FORMATS = (".svg", ".pdf", ".png")
@@ -61,7 +61,7 @@ def run_stress(
     with without_prints_of_models(as_json=as_json):
         swept = run_planned(sweep, request)
     print_sweep_summary(sweep_console(), swept, request.results)
-    models = _stressed(swept, unseen, request.results)
+    models = _stressed(swept, unseen, request)
     if figure is not None and any(model.losses for model in models):
         from vsnbench.files.atomic import write_atomic
         from vsnbench.report.figures.severity import success_by_severity
@@ -78,15 +78,15 @@ def run_stress(
     return 1 if left or failed else 0
 
 
-def _stressed(
-    swept: Sequence[Swept], unseen: Mapping[str, Sequence[str]], results: ResultsDirectory
-) -> list[StressedModel]:
+def _stressed(swept: Sequence[Swept], unseen: Mapping[str, Sequence[str]], request: RunRequest) -> list[StressedModel]:
     """Return the losses of every model in every site; none where nothing has a result."""
+    results, parameters = request.results, request.setup.parameters
     found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
     for campaign in swept:
         if campaign.session is not None:
             own = found.setdefault((campaign.request.setup.model, campaign.request.site), {})
-            own.setdefault(campaign.request.setup.disturbances, []).append(campaign.session.campaign_id)
+            condition = condition_of(campaign.request.setup, parameters)
+            own.setdefault(condition, []).append(campaign.session.campaign_id)
     numbers = [number for own in found.values() for several in own.values() for number in several]
     if not numbers:
         return []

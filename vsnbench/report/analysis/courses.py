@@ -30,7 +30,7 @@ MIN_EXAMINED = 50
 """Number of episodes examined of a condition even where there are many conditions."""
 _PART = 100
 """Courses in memory at a time."""
-MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m")
+MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m", "waiting_s")
 """Numeric columns of `measure_courses`."""
 
 
@@ -43,6 +43,8 @@ class Course:
     """Whether the guard blocked the action, for every action."""
     touched: str
     """What the robot collided with; empty for nothing."""
+    waiting_s: float | None = None
+    """Time at rest without a path, waiting for an answer; None where the robot rests while the model thinks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,9 @@ class CourseMeasures:
     clearance_min_m: float | None = quantity("smallest distance from the base's edge to a solid of the site")
     clearance_p5_m: float | None = quantity("5th percentile of that distance over the path")
     heading_change_deg_per_m: float | None = quantity("change of heading in degrees per metre of path")
+    waiting_s: float | None = quantity(
+        "time at rest without a path, waiting for an answer", absent="where the robot rests while the model thinks"
+    )
 
 
 def site_of(record: ReportData, condition: Condition) -> Site | None:
@@ -172,6 +177,7 @@ def _measure(
         clearance_min_m=clearance.minimum_m if clearance else None,
         clearance_p5_m=clearance.low_m if clearance else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
+        waiting_s=course.waiting_s if course else None,
     )
 
 
@@ -232,6 +238,7 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
                     StepRow.after_heading_rad,
                     StepRow.blocked,
                     StepRow.collision_touched,
+                    StepRow.movement["waiting_s"].as_float(),
                 ),
             )
             .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
@@ -253,7 +260,8 @@ def _course(rows: Sequence[Any]) -> Course:
         elif start and (after := _pose(row[7:10])):
             poses.append(start.compose(after))
     touched = next((row[11] for row in reversed(rows) if row[11]), "")
-    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched)
+    waited = [row[12] for row in rows if row[12] is not None]
+    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, math.fsum(waited) if waited else None)
 
 
 def _pose(values: Sequence[float | None]) -> Pose | None:

@@ -47,6 +47,7 @@ MEASURES = {
     "minimum clearance (m)": "clearance_min_m",
     "clearance, 5th percentile (m)": "clearance_p5_m",
     "heading change (°/m)": "heading_change_deg_per_m",
+    "waiting time (s)": "waiting_s",
 }
 """Measure -> column of the episodes, or of `ReportData.courses`."""
 

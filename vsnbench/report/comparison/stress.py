@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.disturbances import Disturbance
+from vsnbench.protocol.execution import CONTINUOUS
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.comparison.compare import SHARED, RateComparison, compare
@@ -25,6 +26,8 @@ MOST_HARMFUL = 3
 EXAMPLES = 3
 _MEASURES = ("SPL", "progress")
 """Measures whose losses are reported, where they exist."""
+_OF_TIME = ("SCT", "driving time (s)")
+"""The same for a robot that drives on while the model thinks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,8 @@ def _loss(
     rate = next((rate for rate in comparison.rates if rate.scope == SHARED), None)
     if rate is None or rate.pairing is None:
         return None
-    effects = tuple(effect for effect in comparison.effects if effect.measure in _MEASURES)
+    measures = (*_MEASURES, *_OF_TIME) if disturbance.name == CONTINUOUS else _MEASURES
+    effects = tuple(effect for effect in comparison.effects if effect.measure in measures)
     matched = _matched(record, pair)
     changed = (matched["success"] != matched["success_disturbed"]) | (
         matched["actions"] != matched["actions_disturbed"]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from vsnbench.protocol.disturbances import KINDS, SEVERITIES
+from vsnbench.protocol.disturbances import SEVERITIES, STRESS_KINDS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.stress import Loss, StressedModel
 from vsnbench.report.figures.style import (
@@ -40,7 +40,7 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
     """
     drawn = models[:MAX_CONDITIONS]
     used = {loss.disturbance.name for model in drawn for loss in model.losses}
-    names = [name for name in KINDS if name in used]
+    names = [name for name in STRESS_KINDS if name in used]
     columns = min(_COLUMNS, len(names))
     lines = math.ceil(len(names) / columns)
     with styled():
@@ -123,7 +123,7 @@ def _title(name: str, models: Sequence[StressedModel]) -> str:
     """Return the name of a disturbance with its values in ascending severity."""
     own = {loss.disturbance for model in models for loss in model.losses if loss.disturbance.name == name}
     values = ", ".join(f"{member.value:g}" for member in sorted(own, key=lambda member: abs(member.value)))
-    unit = KINDS[name].unit
+    unit = STRESS_KINDS[name].unit
     return f"{name}: {values}{'' if unit == 'share' else f' {unit}'}"
 
 

@@ -61,6 +61,13 @@ COURSES = Measures(
         rank=1,
     ),
     Measure("", decimals(1), "mean duration on the robot's clock", "mean_driving_s", heading="driving (s)", rank=2),
+    Measure(
+        "mean_waiting_s",
+        decimals(1),
+        "time at rest without a path, waiting for an answer, mean; of a robot that drives on while the model thinks",
+        heading="waiting (s)",
+        rank=2,
+    ),
     Measure("", decimals(1), "mean inference time, on a real robot", "mean_thinking_s", heading="thinking (s)", rank=3),
 )
 """Measures of a condition's courses."""

@@ -36,7 +36,7 @@ _LOST = Measures(
     Measure("disturbed", COUNT, "number of the disturbed episode"),
 )
 _EFFECT = Measures(
-    Measure("measure", TEXT, "`SPL` or `progress`"),
+    Measure("measure", TEXT, "`SPL` or `progress`; for `continuous` also `SCT` and `driving time (s)`"),
     Measure("undisturbed", NUMBER, "mean without the disturbance", "first"),
     Measure("disturbed", NUMBER, "mean with the disturbance", "second"),
     Measure("loss", NUMBER, "undisturbed minus disturbed mean", "difference"),

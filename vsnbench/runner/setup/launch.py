@@ -86,6 +86,7 @@ def launch(
         campaign = _open_campaign(journal, plan)
         outcomes = journal.campaign_progress(campaign).outcomes
         disturbed = f" with {spec.disturbances.text}" if spec.disturbances else ""
+        disturbed += "" if spec.parameters.execution is None else f", {spec.parameters.execution.text}"
         session = Session(
             journal=journal,
             robots=robots,

@@ -51,9 +51,10 @@ class RunRequest:
 
     @property
     def label(self) -> str:
-        """Model, site, seed and disturbances, for messages about one of several campaigns."""
-        disturbances = self.setup.disturbances
+        """Model, site, seed, disturbances and execution, for messages about one of several campaigns."""
+        disturbances, execution = self.setup.disturbances, self.setup.parameters.execution
         disturbed = f", {disturbances.text}" if disturbances else ""
+        disturbed += "" if execution is None else f", {execution.text}"
         return f"{self.setup.model} in {self.site} with seed {self.seed}{disturbed}"
 
     @property

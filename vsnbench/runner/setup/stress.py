@@ -5,12 +5,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from vsnbench.errors import UsageError, VsnbenchError
-from vsnbench.protocol.disturbances import NONE, SEVERITIES, STANDARD_SET, Disturbances, known_kind
+from vsnbench.protocol.disturbances import (
+    NONE,
+    SEVERITIES,
+    STANDARD_SET,
+    STRESS_KINDS,
+    Disturbance,
+    Disturbances,
+    known_kind,
+)
+from vsnbench.protocol.execution import CONTINUOUS, Execution
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.wording import listed
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.setup.selection import max_goals
 from vsnbench.runner.setup.sweep import Sweep
-from vsnbench.runner.setup.trial_setup import close_policy, load_policy
+from vsnbench.runner.setup.trial_setup import TrialSetupSpec, close_policy, load_policy
 from vsnbench.statistics.power import Design, detectable, least_p, min_starts, power, starts_needed, trials_needed
 from vsnbench.statistics.rates import POWER
 from vsnbench.study.power import ASSUMED
@@ -83,11 +93,31 @@ def under_conditions(sweep: Sweep, conditions: Sequence[Disturbances], unseen: M
         unseen: disturbances that are left out, by model.
     """
     return tuple(
-        replace(request, setup=replace(request.setup, disturbances=condition))
+        replace(request, setup=_under(request.setup, condition))
         for request in sweep
         for condition in conditions
         if not any(member.name in unseen.get(request.setup.model, ()) for member in condition.members)
     )
+
+
+def _under(setup: TrialSetupSpec, condition: Disturbances) -> TrialSetupSpec:
+    latency_s = condition[CONTINUOUS]
+    if latency_s is None:
+        return replace(setup, disturbances=condition)
+    return replace(setup, parameters=setup.parameters.executed(Execution(latency_s=latency_s)))
+
+
+def condition_of(setup: TrialSetupSpec, undisturbed: ProtocolParameters) -> Disturbances:
+    """Return the condition of a stress test that a setup has.
+
+    Args:
+        setup: setup of a campaign under a condition.
+        undisturbed: protocol of the undisturbed campaign.
+    """
+    execution = setup.parameters.execution
+    if execution is None or execution.latency_s is None or setup.parameters == undisturbed:
+        return setup.disturbances
+    return Disturbances((Disturbance(CONTINUOUS, execution.latency_s),))
 
 
 def design_of_stress(sweep: Sweep) -> Design:
@@ -100,7 +130,7 @@ def design_of_stress(sweep: Sweep) -> Design:
     conditions: dict[tuple[str, str], set[Disturbances]] = {}
     for request in sweep:
         own = conditions.setdefault((request.setup.model, request.site_name), set())
-        own |= {request.setup.disturbances} - {NONE}
+        own |= {condition_of(request.setup, sweep[0].setup.parameters)} - {NONE}
     return Design(
         starts=min(len(request.start_numbers) for request in sweep),
         cells=max(1, min(max_goals(request.setup.goals, request.setup.site) for request in sweep)),
@@ -182,7 +212,7 @@ def conditions_of(names: Sequence[str], severities: Sequence[int]) -> tuple[Dist
     chosen: list[str] = []
     for name in names or STANDARD_SET:
         bare = name.strip().partition("=")[0].partition("@")[0]
-        kind = known_kind(bare)
+        kind = known_kind(bare, STRESS_KINDS)
         if bare != name.strip():
             raise UsageError(
                 f"--disturb {name}: a stress test takes names without values",
@@ -202,4 +232,4 @@ def conditions_of(names: Sequence[str], severities: Sequence[int]) -> tuple[Dist
                 code="invalid-severity",
             )
     levels = sorted(set(severities or DEFAULT_SEVERITIES))
-    return (NONE, *(Disturbances((known_kind(name).at(level),)) for name in chosen for level in levels))
+    return (NONE, *(Disturbances((STRESS_KINDS[name].at(level),)) for name in chosen for level in levels))
