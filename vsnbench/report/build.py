@@ -181,7 +181,8 @@ def build(
         selection: part of the record to read.
         results_directory: directory with the images of the episodes.
         reference: show the paper's results next to the recorded ones.
-        activity: also count actions and distances, and compare models.
+        activity: also count actions and distances, and compare models; without it, the record has only the columns that
+            the success tables need, unless it has operators.
         meanwhile: receives the report without its activity while the actions are still being counted.
         executor: counts the actions. Default: a thread, which is slower because SQLite's threads block one another.
 

@@ -21,7 +21,7 @@ def report(path: Path, *models: tuple[str, ...]) -> Report:
     for number, goals in enumerate(models):
         lab.write([Attempt(goal, start, success=goal == "chair") for goal in goals for start in range(1, 16)],
                   model=f"m{number}")  # fmt: skip
-    return build(lab.url, Selection(), activity=True)
+    return build(lab.url, Selection())
 
 
 @pytest.mark.parametrize(
