@@ -88,6 +88,9 @@ run --model random --site flat:0,flat:4 --goal bathtub --starts 1 {SHORT} --keep
 {GOALS} --model random --goal chair --starts 1 --protocol protocol.yaml --max-steps 3
 stress --model random --goal chair --starts 1 {SHORT} --disturb latency --severity 1 --results stressed
 {STRESS} --goal chair --starts 4-11 --protocol protocol.yaml {SHORT} --disturb low_light,depth_holes --severity 3
+run --model oracle-waypoints --goal chair --starts 1 --continuous 0.3 {SHORT} --keep none --results moving
+episodes show 1 --steps --results moving
+report --results moving
 note 1 hello --tag first
 episodes list
 episodes list --results rich

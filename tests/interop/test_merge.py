@@ -364,6 +364,11 @@ def test_a_record_of_the_oldest_schema_is_upgraded_on_a_copy(tmp_path: Path) -> 
     assert report(tmp_path / "here")["models"]
 
 
+SINCE_0012 = {"moment", "verdicts_differ", "distance_m", "distance_low_m", "distance_high_m"}
+SINCE_0012 |= {"odometry_m", "odometry_low_m", "odometry_high_m"}
+"""Columns of `placement`."""
+
+
 def as_of_0004(results: Path) -> Path:
     """Reduce a record to the content of the schema before digests."""
     with closing(sqlite3.connect(results / "vsnbench.db")) as database:
@@ -380,6 +385,11 @@ def as_of_0004(results: Path) -> Path:
         database.execute("ALTER TABLE trial DROP COLUMN goal_id")
         database.execute("ALTER TABLE episode DROP COLUMN thinking_s")
         database.execute("DROP TABLE goal")
+        (table,) = database.execute("SELECT sql FROM sqlite_master WHERE name = 'placement'").fetchone()
+        table = table.replace("_moment UNIQUE (episode_id, moment)", " UNIQUE (episode_id)")
+        kept = [line for line in table.splitlines() if line.split()[0] not in SINCE_0012]
+        database.execute("DROP TABLE placement")
+        database.execute("\n".join(kept))
         database.execute("UPDATE alembic_version SET version_num = '0004'")
         database.commit()
     return results

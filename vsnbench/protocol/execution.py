@@ -79,13 +79,13 @@ def parse_continuous(text: str) -> Execution:
 
 def text_of_execution(protocol: Mapping[str, Any]) -> str:
     """Return how trials under recorded parameters were executed, such as `continuous, latency 0.3 s`."""
-    recorded = protocol.get("execution")
-    if not isinstance(recorded, Mapping):
+    if execution_of(protocol) == STOP_AND_GO:
         return STOP_AND_GO
-    latency_s = recorded.get("latency_s")
+    latency_s = protocol["execution"].get("latency_s")
     return f"{CONTINUOUS}, {'measured latency' if latency_s is None else f'latency {latency_s:g} s'}"
 
 
 def execution_of(protocol: Mapping[str, Any]) -> str:
     """Return how trials under recorded parameters were executed, in one word."""
-    return CONTINUOUS if protocol.get("execution") else STOP_AND_GO
+    is_of_mapping = isinstance(protocol, Mapping) and isinstance(protocol.get("execution"), Mapping)
+    return CONTINUOUS if is_of_mapping else STOP_AND_GO

@@ -11,7 +11,7 @@ from vsnbench.robots.checkup.odometry import attitude_results, attitudes_in, las
 from vsnbench.robots.checkup.result import Health
 from vsnbench.robots.profiles import load_profile
 from vsnbench.ros.ros2.interface import Ros2Interface
-from vsnbench.sensing.images.intrinsics import Rectifier
+from vsnbench.sensing.images.rectifier import Rectifier
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import LEVEL, Attitude
 
