@@ -21,6 +21,7 @@ from vsnbench import (
     RobotError,
     RobotIdentity,
     Sensor,
+    Sidestep,
     Site,
     StartingPosition,
     Trajectory,
@@ -64,7 +65,7 @@ class PointRobot(Robot):
         rgb = self._rng.integers(120, 136, (camera.height, camera.width, 3), np.uint8)
         return Observation(rgb, None, self._odometry, self._clock_s, camera)
 
-    def drive(self, movement: Move | Waypoint | Trajectory | Velocity, watch: object = None) -> MotionResult:
+    def drive(self, movement: Move | Waypoint | Trajectory | Velocity | Sidestep, watch: object = None) -> MotionResult:
         """Return the measured displacement and turn; of this robot, they are the requested ones.
 
         Without other `action_kinds`, every movement is an action of the paper: a turn, a straight move, or no motion.
