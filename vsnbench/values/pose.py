@@ -51,7 +51,7 @@ class Pose:
 
     @property
     def wrapped(self) -> Self:
-        """The same pose with its heading in [-pi, pi)."""
+        """The same pose with its heading in (-pi, pi]."""
         return type(self)(self.x_m, self.y_m, wrap_angle(self.heading_rad))
 
     def compose(self, local: "Pose") -> "Pose":

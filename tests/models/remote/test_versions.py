@@ -150,6 +150,7 @@ def test_a_client_may_leave_out_limits_that_the_protocol_has_not() -> None:
     message = reset_message("chair", 0, synthetic_task("chair", 0))
     for name in ("max_time_s", "max_path_m"):
         del message["task"]["protocol"][name]
+    del message["task"]["robot"]["max_lateral_m_s"]
     ServedPolicy(Keeping()).begin(wire.Task.of(wire.Goal.of(message), 0, message["task"]))
     assert received == [synthetic_task("chair", 0)]
 

@@ -46,6 +46,7 @@ def test_an_adapter_that_never_answers_is_given_up(tmp_path: Path, monkeypatch: 
     [
         ({"completed": "yes"}, "`completed` must be true or false, not 'yes'"),
         ({"completed": False, "refusal": "tired"}, "not 'tired'"),
+        ({"completed": False, "refusal": ["fault"]}, "not ['fault']"),
         ({"completed": False, "refusal": "fault", "failure": ["low"]}, "`failure` must be a text"),
         ({"completed": True, "pose": [1, 2]}, "`pose` must be a list of 3 numbers"),
         ({"completed": True, "stamp_s": "soon"}, "`stamp_s` must be a finite number, not 'soon'"),
@@ -86,6 +87,11 @@ def test_a_message_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pyt
         ({**CARD, "card": {"name": "x", "movements": ["jump", "move"]}}, "invalid-card", "`movements` has 'jump'"),
         ({**CARD, "card": {"name": "x", "movements": ["velocity"]}}, "invalid-card", "lack `move`"),
         ({**CARD, "card": {"name": "x", "simulation": {"site": "flat"}}}, "invalid-card", "simulation.simulator"),
+        (
+            {**CARD, "card": {"name": "x", "simulation": {"a\nb": 1, "simulator": 7}}},
+            "invalid-card",
+            "the card's simulation",
+        ),
         ({"type": "error", "code": "version", "message": "only 7"}, "refused", "refuses: only 7"),
         ({"type": "error", "code": "token", "message": "no"}, "wrong-token", "$VSNBENCH_TOKEN"),
         (b"hello", "invalid-message", "invalid message"),
@@ -96,6 +102,7 @@ def test_a_wrong_greeting_is_refused(tmp_path: Path, greeting: dict[str, Any] | 
         raise AssertionError
     assert refused.value.code == code
     assert found in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def test_an_adapter_that_does_not_run_is_named(tmp_path: Path) -> None:

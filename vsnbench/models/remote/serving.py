@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Any
 
@@ -125,7 +125,8 @@ def _task(given: wire.Task) -> Task:
     robot = {**vars(given.robot), "camera": _camera(given.robot.camera)}  # type: ignore[attr-defined]
     try:
         protocol = ProtocolParameters(**{name: getattr(given.protocol, name, None) for name in PROTOCOL_FIELDS})
-        facts = RobotFacts(**{item.name: robot[item.name] for item in fields(RobotFacts)})
+        stated = [item for item in fields(RobotFacts) if item.default is MISSING or item.name in robot]
+        facts = RobotFacts(**{item.name: robot[item.name] for item in stated})
     except ValidationError as error:
         field, problem = first_error(error, ProtocolParameters)
         raise wire.WireError(f"`task.protocol.{field}`: {problem.statement[:300]}") from error

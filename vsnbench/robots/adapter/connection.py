@@ -67,13 +67,13 @@ class AdapterConnection(Connection):
         self._answer_s, self._silence_s = slack * ANSWER_S, slack * (PROGRESS_S + GONE_S)
 
     def request(self, kind: str, timeout_s: float = 0.0, **content: Any) -> Mapping[str, Any]:
-        """Send a request and return its answer, which has at least the time of every answer.
+        """Send a request and return its answer, which may take `timeout_s` or the time of every answer.
 
         Raises:
             NoAnswerError: no answer in time, or the connection broke.
             RobotError: the adapter reports an error, or answers something else.
         """
-        message = self.ask({"type": kind, **content}, max(timeout_s, self._answer_s)).message
+        message = self.ask({"type": kind, **content}, max(self._slack * timeout_s, self._answer_s)).message
         if (found := message.get("type")) != _ANSWER_TO[kind]:
             if found == "error":
                 raise RobotError(self._reported(message), code="adapter-error")

@@ -9,7 +9,7 @@ from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.robots.adapter.connection import AdapterConnection
 from vsnbench.robots.adapter.interface import adapter_interface
-from vsnbench.robots.adapter.messages import AdapterState
+from vsnbench.robots.adapter.messages import AdapterState, problem_in
 from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.battery import Battery
@@ -62,8 +62,8 @@ class AdapterLink:
         if connection.card != self.card:
             connection.close()
             raise RobotError(
-                f"the adapter at {self._address} is now {connection.card.name} {connection.card.version} with another "
-                f"card, and was {self.card.name} {self.card.version} when this session began",
+                f"the adapter at {self._address} is now {connection.card} with another card, and "
+                f"was {self.card} when this session began",
                 advice="restart the session, which begins another campaign, or the former adapter",
                 code="other-adapter",
             )
@@ -90,9 +90,9 @@ class AdapterLink:
         pose = [start.pose.x_m, start.pose.y_m, start.pose.heading_rad]
         answer = self.live().request("place", IMAGES_S, pose=pose, seed=seed & _LARGEST_SEED)
         self.forget_odometry()
-        if problem := answer.get("problem"):
+        if problem := problem_in(answer):
             raise RobotError(
-                f"the robot cannot be at starting position {start.number}: {problem!s:.100}", code="cannot-be-placed"
+                f"the robot cannot be at starting position {start.number}: {problem}", code="cannot-be-placed"
             )
 
     def begin(self, seed: int) -> AdapterState:

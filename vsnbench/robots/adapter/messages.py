@@ -1,9 +1,9 @@
 """Messages of a motion adapter as values. They are untrusted: each is checked here (docs/motion-adapter.md)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +12,22 @@ from pydantic import ValidationError
 from vsnbench.errors import RobotError
 from vsnbench.models.remote.vsnbench_policy import WireError, observation_of
 from vsnbench.sensing.hazards import Hazard
+from vsnbench.settings.validation import first_error
+from vsnbench.text.sanitize import sanitize
 from vsnbench.values.battery import Battery
-from vsnbench.values.encoding.motion_answer import number_in, result_of_answer, text_in
+from vsnbench.values.encoding.motion_answer import (
+    MOST_NAME,
+    MOST_TEXT,
+    MotionCard,
+    number_in,
+    result_of_answer,
+    text_in,
+    words_in,
+)
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import ADAPTER_KINDS, ActionKind
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import SimulationAccount
 
-_MOST_NAME = 100
-_MOST_WORDS = 16
 _SENSORS = frozenset({Sensor.RGB, Sensor.DEPTH})
 _Point = tuple[float, float]
 _Planar = tuple[float, float, float]
@@ -33,44 +40,37 @@ class InvalidAnswerError(RobotError):
 
 
 @dataclass(frozen=True, slots=True)
-class AdapterCard:
-    """What an adapter states of itself."""
+class AdapterCard(MotionCard):
+    """What an adapter over a socket states of itself."""
 
-    name: str
-    version: str
-    movements: frozenset[ActionKind]
     sensors: frozenset[Sensor]
     simulation: SimulationAccount | None
 
     @classmethod
-    def of(cls, content: Any) -> "AdapterCard":
+    def of(cls, content: Any) -> Self:
         """Return the card of a message.
 
         Raises:
             InvalidAnswerError: it is not a card.
         """
-        if not isinstance(content, Mapping):
-            raise InvalidAnswerError("the card must be a map")
-        name = _text(content, "name")
-        if not name:
-            raise InvalidAnswerError("the card has no `name`")
-        movements = _words(content, "movements", {kind.value for kind in ADAPTER_KINDS}, ["move"])
-        if ActionKind.MOVE not in movements:
-            raise InvalidAnswerError("the card's `movements` lack `move`, which every adapter executes")
-        sensors = _words(content, "sensors", {sensor.value for sensor in _SENSORS}, ["rgb"])
+        try:
+            mover = MotionCard.of(content)
+        except ValueError as error:
+            raise InvalidAnswerError(str(error)) from error
+        sensors = _words(content, "sensors", _SENSORS, [Sensor.RGB])
         if Sensor.RGB not in sensors:
             raise InvalidAnswerError("the card's `sensors` lack `rgb`, which every robot has")
         simulation = content.get("simulation")
         try:
             account = None if simulation is None else SimulationAccount.model_validate(simulation)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in ("simulation", *first["loc"]))
-            raise InvalidAnswerError(f"the card's {where}: {first['msg']}") from error
+            field, problem = first_error(error, SimulationAccount)
+            text = f"the card's {'.'.join(filter(None, ('simulation', field)))}: {problem.statement}"
+            raise InvalidAnswerError(sanitize(text)[:MOST_TEXT]) from error
         return cls(
-            name=name,
-            version=_text(content, "version"),
-            movements=frozenset(map(ActionKind, movements)),
+            mover.name,
+            mover.version,
+            mover.movements,
             sensors=frozenset({Sensor.ODOMETRY, *map(Sensor, sensors)}),
             simulation=account,
         )
@@ -96,13 +96,13 @@ class AdapterState:
     depth_stamp_s: float = math.nan
 
     @classmethod
-    def of(cls, message: Mapping[str, Any]) -> "AdapterState":
+    def of(cls, message: Mapping[str, Any]) -> Self:
         """Return the state in a `state`, `progress` or `done` message.
 
         Raises:
             InvalidAnswerError: it has no odometry, or a key has another type.
         """
-        hazards = _words(message, "hazards", {hazard.value for hazard in Hazard}, [])
+        hazards = _words(message, "hazards", list(Hazard))
         truth, velocity = message.get("truth"), message.get("velocity")
         stamp_s = stamp_in(message)
         state = cls(
@@ -130,6 +130,15 @@ def result_in(message: Mapping[str, Any], *, simulated: bool) -> MotionResult:
         return result_of_answer(message, simulated=simulated)
     except ValueError as error:
         raise InvalidAnswerError(str(error)) from error
+
+
+def problem_in(message: Mapping[str, Any]) -> str:
+    """Return why a simulator cannot put the robot down, by a `placed` message, or an empty string.
+
+    Raises:
+        InvalidAnswerError: it is not a text.
+    """
+    return _text(message, "problem")
 
 
 def colours_in(message: Mapping[str, Any]) -> npt.NDArray[np.uint8]:
@@ -200,17 +209,15 @@ def _numbers(values: Any, key: str, count: int) -> tuple[float, ...]:
 
 def _text(message: Mapping[str, Any], key: str) -> str:
     try:
-        return text_in(message, key, _MOST_NAME)
+        return text_in(message, key, MOST_NAME)
     except ValueError as error:
         raise InvalidAnswerError(str(error)) from error
 
 
-def _words(message: Mapping[str, Any], key: str, known: set[str], otherwise: list[str]) -> list[str]:
-    values = message.get(key)
-    if values is None:
-        return otherwise
-    if not isinstance(values, list | tuple) or len(values) > _MOST_WORDS:
-        raise InvalidAnswerError(f"`{key}` must be a list of words")
-    if unknown := [value for value in values if not isinstance(value, str) or value not in known]:
-        raise InvalidAnswerError(f"`{key}` has {unknown[0]!r:.40}; the words are {', '.join(sorted(known))}")
-    return list(values)
+def _words(
+    message: Mapping[str, Any], key: str, known: Collection[str], otherwise: Sequence[str] = ()
+) -> Sequence[str]:
+    try:
+        return words_in(message, key, known, otherwise)
+    except ValueError as error:
+        raise InvalidAnswerError(str(error)) from error

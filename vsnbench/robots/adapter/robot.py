@@ -59,9 +59,9 @@ class AdapterRobot(Robot):
         self.is_rehearsal = account is not None and account.is_rehearsal
         self.needs_operator = account is None or self.is_rehearsal
         self.sensors = card.sensors
-        self.action_kinds = card.movements | {ActionKind.DISCRETE}
+        self.action_kinds = card.movements & profile.drive_kinds | {ActionKind.DISCRETE}
         self.conditions: Mapping[str, Any] = {
-            "adapter": {"name": card.name, "version": card.version},
+            "adapter": card.condition,
             **profile.tolerance_conditions,
             **(account.conditions if account else {}),
         }

@@ -151,11 +151,9 @@ class Ros2Checkup(RosCheckup):
             card = card_of_mover(TopicServiceClient(self.listener.node, name), 2.0)
         except RobotError as error:
             return CheckResult(name, Health.FAILED, error.statement, advice)
-        if card.missing:
-            return CheckResult(name, Health.FAILED, f"cannot move the base: {card.missing}", advice)
-        if card.adapter:
-            named, kinds = " ".join(card.adapter.values()).strip(), ", ".join(sorted(card.movements))
-            return CheckResult(name, Health.OK, f"the motion adapter {named} answers; it executes {kinds}")
+        if card is not None:
+            seen = f"the motion adapter {card} answers; it executes {', '.join(sorted(card.movements))}"
+            return CheckResult(name, Health.OK, seen)
         return CheckResult(name, Health.OK, "runs on the robot, and answers")
 
     @contextmanager

@@ -47,7 +47,7 @@ def conditions_of(
     return {
         "depth_frames": depth_frames,
         "discrete_move": link.server,
-        **({"adapter": dict(link.adapter)} if link.adapter else {}),
+        **({"adapter": link.adapter.condition} if link.adapter else {}),
         **profile.tolerance_conditions,
         **(account.conditions if account else {}),
     }
@@ -75,10 +75,10 @@ def require_same_conditions(link: RobotLink, account: SimulationAccount | None, 
             advice="restart the session, which begins another campaign, or start the former server",
             code="server-changed",
         )
-    if (adapter := dict(link.adapter)) != conditions.get("adapter", {}):
+    if link.adapter and link.adapter.condition != conditions.get("adapter"):
         raise RobotError(
-            f"{link.names.discrete_move} is now offered by the adapter {' '.join(adapter.values())}, another one than "
-            "when this session began",
+            f"{link.names.discrete_move} is now offered by the adapter {link.adapter}, another one than when this "
+            "session began",
             advice="restart the session, which begins another campaign, or start the former adapter",
             code="server-changed",
         )

@@ -88,8 +88,8 @@ class RosRobot(Robot):
             self._link.close()
             raise
         if self._link.can_drive:
-            kinds = self._link.movements if self._link.adapter else profile.drive_kinds
-            self.action_kinds = frozenset({ActionKind.DISCRETE}) | kinds
+            adapter, kinds = self._link.adapter, profile.drive_kinds
+            self.action_kinds = (kinds & adapter.movements if adapter else kinds) | {ActionKind.DISCRETE}
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if self._link.names.depth else set())

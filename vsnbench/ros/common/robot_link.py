@@ -2,9 +2,8 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 from vsnbench.control.command import STANDSTILL, Command
@@ -15,7 +14,8 @@ from vsnbench.ros.common.readiness import Readiness
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.sensing.simulation import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.sensing.steering import ZeroHold
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind, Drive
+from vsnbench.values.encoding.motion_answer import MotionCard
+from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -37,15 +37,13 @@ class RobotLink(ABC):
         names: interface of the profile, with full names of topics.
         image_turns: number of clockwise quarter turns that set an image upright.
         reports_lifting: whether the base has a topic that reports lifted wheels.
-        adapter: `name` and `version` of the motion adapter that moves the robot; empty without one.
-        movements: kinds of movements with parameters that are executed, if `can_drive`.
+        adapter: card of the motion adapter that moves the robot; None without one.
     """
 
     kind: str
     image_turns = 0
     reports_lifting = False
-    adapter: Mapping[str, str] = MappingProxyType({})
-    movements: frozenset[ActionKind] = DRIVE_KINDS
+    adapter: MotionCard | None = None
     names: RosInterface
     _readiness: Readiness
 

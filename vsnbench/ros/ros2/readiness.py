@@ -1,8 +1,8 @@
 """Checks that every part of a robot on a ROS 2 graph answers."""
 
 import time
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsnbench.errors import RobotError
@@ -13,8 +13,7 @@ from vsnbench.ros.ros2.installation import discovery
 from vsnbench.ros.ros2.interface import Ros2Interface
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.simulation import ACCOUNT
-from vsnbench.values.encoding.motion_answer import text_in
-from vsnbench.values.movement import ADAPTER_KINDS, DRIVE_KINDS, ActionKind
+from vsnbench.values.encoding.motion_answer import MOST_TEXT, MotionCard, text_in
 
 if TYPE_CHECKING:
     from vsnbench.ros.ros2.node import Ros2Node
@@ -22,41 +21,28 @@ if TYPE_CHECKING:
 
 OTHER_VERSION = "it runs another version of vsnbench; run the same version on both machines"
 """What keeps a node of discrete_move from answering to requests of this version."""
-_MOST_NAME = 100
 _DISCOVERY_S = 3.5
 """Time in which all nodes are discovered: DDS repeats lost announcements after 3 s."""
 
 
-@dataclass(frozen=True, slots=True)
-class MoverCard:
-    """What a node of discrete_move states of itself."""
-
-    missing: str = ""
-    """What keeps it from moving the base, or an empty string."""
-    adapter: Mapping[str, str] = field(default_factory=dict)
-    """`name` and `version` of a motion adapter; empty for a node of vsnbench."""
-    movements: frozenset[ActionKind] = DRIVE_KINDS
-
-
-def card_of_mover(mover: "TopicServiceClient", timeout_s: float) -> MoverCard:
-    """Ask a node of discrete_move for its card.
+def card_of_mover(mover: "TopicServiceClient", timeout_s: float) -> MotionCard | None:
+    """Return the card of the motion adapter that serves discrete_move; None for a node of vsnbench.
 
     Raises:
         NoAnswerError: it does not answer in time.
+        RobotError: it cannot move the base.
     """
     answer = mover.call({"request": "ping"}, timeout_s)
-    card = answer.get("adapter")
-    missing = answer.get("missing", OTHER_VERSION)
-    if card is None:
-        return MoverCard(str(missing))
+    card = None
     try:
-        named = {key: text_in(card, key, _MOST_NAME) for key in ("name", "version")}
-        movements = frozenset(map(ActionKind, card.get("movements", ["move"])))
-    except (ValueError, TypeError, AttributeError) as error:
-        return MoverCard(f"its card cannot be read: {error}")
-    if not named["name"] or ActionKind.MOVE not in movements or not movements <= ADAPTER_KINDS:
-        return MoverCard("its card has no `name`, or `movements` that are not those of a motion adapter")
-    return MoverCard(str(missing), named, movements)
+        missing = text_in(answer, "missing", MOST_TEXT) if "missing" in answer else OTHER_VERSION
+        if answer.get("adapter") is not None:
+            card = MotionCard.of(answer["adapter"])
+    except ValueError as error:
+        missing = str(error)
+    if missing:
+        raise RobotError(f"{mover.name} cannot move the base: {missing}", code="discrete-move-not-ready")
+    return card
 
 
 @dataclass

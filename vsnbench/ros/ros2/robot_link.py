@@ -169,16 +169,13 @@ class Ros2Link(RobotLink):
             self._server = _WORKSTATION
             return None
         try:
-            card = card_of_mover(self._discrete_move, 1.0)
+            self.adapter = card_of_mover(self._discrete_move, 1.0)
         except NoAnswerError as error:
             start = f"(vsnbench robots serve {self.profile.argument})" if self.names.command else ""
             return NoAnswerError(error.statement, advice=f"{error.advice} {start}".strip())
-        if card.missing:
-            return RobotError(
-                f"{self.names.discrete_move} cannot move the base: {card.missing}", code="discrete-move-not-ready"
-            )
-        self.adapter, self.movements = card.adapter, card.movements
-        self._server = _ADAPTER if card.adapter else _ON_ROBOT
+        except RobotError as error:
+            return error
+        self._server = _ADAPTER if self.adapter else _ON_ROBOT
         return None
 
     def _subscribe_image(self, topic: str, field: str, capacity: int) -> None:

@@ -1,19 +1,59 @@
-"""What a program that executes movements reports of one: its answer as JSON values (docs/motion-adapter.md).
+"""What a program that executes movements states of itself and of a movement, as JSON (docs/motion-adapter.md).
 
 The program is untrusted, as every peer.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import ADAPTER_KINDS, ActionKind
 
 MOST_TEXT: Final = 300
 """Longest reason of a failure that is kept, characters."""
+MOST_NAME: Final = 100
+"""Longest name that is kept, characters."""
+_MOST_WORDS = 16
 _MOST_CORRECTIONS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class MotionCard:
+    """What a motion adapter states of itself, over a socket and over ROS 2."""
+
+    name: str
+    version: str
+    movements: frozenset[ActionKind]
+    """Kinds of movements that it executes."""
+
+    @classmethod
+    def of(cls, content: object) -> Self:
+        """Return the card of a message.
+
+        Raises:
+            ValueError: it is not a card.
+        """
+        if not isinstance(content, Mapping):
+            raise ValueError("the card must be a map")  # noqa: TRY004 - a message, no argument
+        name = text_in(content, "name", MOST_NAME)
+        if not name:
+            raise ValueError("the card has no `name`")
+        movements = words_in(content, "movements", ADAPTER_KINDS, [ActionKind.MOVE])
+        if ActionKind.MOVE not in movements:
+            raise ValueError("the card's `movements` lack `move`, which every adapter executes")
+        return cls(name, text_in(content, "version", MOST_NAME), frozenset(map(ActionKind, movements)))
+
+    @property
+    def condition(self) -> dict[str, str]:
+        """Name and version, which results depend on."""
+        return {"name": self.name, "version": self.version}
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}".strip()
 
 
 class MotionRefusal(StrEnum):
@@ -57,7 +97,7 @@ def result_of_answer(answer: Mapping[str, Any], *, simulated: bool = False) -> M
         return MotionResult(completed=True, corrections=corrections, duration_s=duration_s)
     sensor_lost = answer.get("sensor_lost") is True
     given = answer.get("refusal") or (MotionRefusal.SENSOR if sensor_lost else MotionRefusal.FAULT)
-    if given not in set(MotionRefusal):
+    if given not in list(MotionRefusal):
         raise ValueError(f"`refusal` must be one of {', '.join(MotionRefusal)}, not {given!r:.40}")
     refusal = MotionRefusal(given)
     reason = text_in(answer, "failure", MOST_TEXT) or f"the adapter reports: {refusal}"
@@ -86,9 +126,12 @@ def number_in(message: Mapping[str, Any], key: str, otherwise: float | None = No
     value = message.get(key)
     if value is None and otherwise is not None:
         return otherwise
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise _invalid(key, "a finite number", value)
-    return float(value)
+    try:
+        if not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    except OverflowError:
+        pass  # an integer beyond every float, which JSON may have
+    raise _invalid(key, "a finite number", value)
 
 
 def text_in(message: Mapping[str, Any], key: str, longest: int) -> str:
@@ -103,6 +146,24 @@ def text_in(message: Mapping[str, Any], key: str, longest: int) -> str:
     if not isinstance(value, str):
         raise _invalid(key, "a text", value)
     return sanitize(value[:longest])
+
+
+def words_in(
+    message: Mapping[str, Any], key: str, known: Collection[str], otherwise: Sequence[str] = ()
+) -> Sequence[str]:
+    """Return a list of known words of a message; `otherwise` where it is absent.
+
+    Raises:
+        ValueError: it is not a list, or has another word.
+    """
+    values = message.get(key)
+    if values is None:
+        return otherwise
+    if not isinstance(values, list | tuple) or len(values) > _MOST_WORDS:
+        raise ValueError(f"`{key}` must be a list of words")
+    if unknown := [value for value in values if not isinstance(value, str) or value not in known]:
+        raise ValueError(f"`{key}` has {unknown[0]!r:.40}; the words are {', '.join(sorted(known))}")
+    return values
 
 
 def _invalid(key: str, wanted: str, value: object) -> ValueError:

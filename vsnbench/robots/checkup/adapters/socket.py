@@ -23,6 +23,7 @@ from vsnbench.robots.checkup.checks import battery_result, turn_result
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.images.camera_images import share_invalid
 from vsnbench.values.encoding.motion_answer import MotionRefusal
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Move, movement_to_json
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_profile import RobotProfile, Tolerances
@@ -47,6 +48,8 @@ class _Turn:
     """A turn as it was answered and measured."""
 
     done: Mapping[str, Any]
+    result: MotionResult
+    """What the answer reports."""
     turned_rad: float
     rolled_rad: float
     """Turn after the answer."""
@@ -64,7 +67,7 @@ class _Turn:
     @property
     def word(self) -> str:
         """Its refusal, or `completed`."""
-        return "completed" if self.done.get("completed") is True else str(self.done.get("refusal"))
+        return "completed" if self.result.completed else str(self.done.get("refusal") or MotionRefusal.FAULT)
 
 
 class AdapterCheckup:
@@ -91,9 +94,7 @@ class AdapterCheckup:
             card = connection.card
             kinds = ", ".join(sorted(card.movements))
             simulated = f", simulates {card.simulation.site}" if card.simulation else ""
-            seen = f"{card.name} {card.version}, protocol {NEWEST_VERSION}; executes {kinds}{simulated}".replace(
-                " ,", ","
-            )
+            seen = f"{card}, protocol {NEWEST_VERSION}; executes {kinds}{simulated}"
             yield CheckResult("adapter", Health.OK, seen)
             yield self._second_client()
             yield from self._sensor_results(connection)
@@ -163,11 +164,10 @@ class AdapterCheckup:
         """Turn to the left and back: as requested, stopped, beyond a deadline, and without a client."""
         turn_rad = math.radians(_TURN_DEG)
         honest = self._turn(connection, turn_rad)
-        answer = result_in(honest.done, simulated=connection.card.simulation is not None)
         what = f"Left {_TURN_DEG:g}°"
-        result = turn_result(what, turn_rad, honest.turned_rad, answered=answer.completed)
+        result = turn_result(what, turn_rad, honest.turned_rad, answered=honest.result.completed)
         if result.health is not Health.OK:
-            reason = answer.failure or answer.blocked
+            reason = honest.result.failure or honest.result.blocked
             advice = reason or f"answer `done` when the odometry has arrived, or refuse with a word of {PAGE}"
             result = replace(result, advice=advice)
         yield result
@@ -223,8 +223,10 @@ class AdapterCheckup:
         done, _ = connection.drive(movement, deadline_s, take, watch=False)
         waited_s = time.monotonic() - last_s
         answered = AdapterState.of(done)
+        answer = result_in(done, simulated=connection.card.simulation is not None)
         after = self._at_rest(connection)
-        return _Turn(done, _between(before, after)[1], _between(answered, after)[1], waited_s, longest_s, tuple(states))
+        turned_rad, rolled_rad = _between(before, after)[1], _between(answered, after)[1]
+        return _Turn(done, answer, turned_rad, rolled_rad, waited_s, longest_s, tuple(states))
 
     def _at_rest(self, connection: AdapterConnection) -> AdapterState:
         """Return the state once the odometry repeats."""
