@@ -103,6 +103,17 @@ def test_a_contact_ends_the_motion_without_a_guard() -> None:
     assert result.duration_s < 4.0
 
 
+def test_a_glancing_contact_while_braking_is_a_collision() -> None:
+    robot = robot_at(2.7, heading_deg=50.0, speed_m_s=0.5)
+    robot.follow(Waypoint(3.0, 0.0))
+    contact = robot.advance(5.0)
+    assert contact.collision is not None
+    robot = robot_at(2.7, heading_deg=50.0, speed_m_s=0.5)
+    robot.follow(Waypoint(3.0, 0.0))
+    assert robot.advance(contact.duration_s - 0.3).collision is None
+    assert robot.come_to_rest().collision is not None, "although it has left the wall at the end"
+
+
 def test_an_answer_is_anchored_at_the_pose_of_its_image() -> None:
     robot = robot_at(-2.0)
     captured = robot.observe().pose

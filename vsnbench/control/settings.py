@@ -1,12 +1,14 @@
 """Settings of discrete motions: distances, speeds, tolerances and limits."""
 
 import math
+from dataclasses import replace
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from vsnbench.control.command import Command
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.values.movement import Velocity
 from vsnbench.values.robot_profile import RobotProfile
 
 
@@ -77,6 +79,14 @@ class MotionSettings(BaseModel):
             _fast_enough(command.linear_m_s, self.slowest_m_s),
             _fast_enough(command.angular_rad_s, self.slowest_rad_s),
             _fast_enough(command.lateral_m_s, self.slowest_lateral_m_s),
+        )
+
+    def executable(self, velocity: Velocity) -> Velocity:
+        """Return a velocity without the axes on which it is slower than the base can move: it would take them as 0."""
+        return replace(
+            velocity,
+            linear_m_s=velocity.linear_m_s if abs(velocity.linear_m_s) >= self.slowest_m_s else 0.0,
+            angular_rad_s=velocity.angular_rad_s if abs(velocity.angular_rad_s) >= self.slowest_rad_s else 0.0,
         )
 
     def cruise(self, *, turns: bool) -> float:

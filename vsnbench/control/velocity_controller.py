@@ -1,7 +1,6 @@
 """Controller of a velocity that is held for a time: ramp up, hold, ramp down, settle."""
 
 import math
-from dataclasses import replace
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.settings import MotionSettings
@@ -23,8 +22,8 @@ _SETTLE_LIMIT_S = 3.0
 class VelocityController(Controller):
     """Holds a velocity within the limits of the base; the ramps are part of the duration.
 
-    The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest. A
-    velocity below the slowest of its axis is zero, as the base would take it; ramps begin and end at the slowest.
+    The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest. The
+    parts of it are `MotionSettings.executable`; ramps begin and end at the slowest velocity of the base.
     """
 
     def __init__(
@@ -32,11 +31,7 @@ class VelocityController(Controller):
     ) -> None:
         super().__init__()
         self._settings = settings
-        self._velocity = velocity = replace(
-            velocity,
-            linear_m_s=velocity.linear_m_s if abs(velocity.linear_m_s) >= settings.slowest_m_s else 0.0,
-            angular_rad_s=velocity.angular_rad_s if abs(velocity.angular_rad_s) >= settings.slowest_rad_s else 0.0,
-        )
+        self._velocity = velocity = settings.executable(velocity)
         self._last = start
         self._rest = PathRest(noise, settings.settle_s, _STILL_M, _STILL_RAD)
         self._is_ending = False

@@ -66,8 +66,8 @@ class Robot(ABC):
     """Kinds of a model's answer that it executes. A discrete action is a `Move` with the sizes of the protocol."""
 
     drives_on: bool = False
-    """Whether it can drive while a model thinks: `follow`, `advance` and `come_to_rest`. Only a base that takes
-    velocity commands can."""
+    """Whether it can drive while a model thinks. Only a base that takes velocity commands can. If False, it need not
+    implement `follow`, `advance` and `come_to_rest`: continuous execution is refused before the first trial."""
 
     needs_operator: bool = False
     """Whether an operator must put the robot at the start of every episode, before `begin`."""
@@ -162,7 +162,8 @@ class Robot(ABC):
     def follow(self, movement: Drive, anchor: Pose | None = None) -> None:
         """Replace the running path without a stop, and return at once; time passes in `advance`.
 
-        Called only if `drives_on` is True, with a `Waypoint`, a `Trajectory` or a `Velocity`.
+        Called only if `drives_on` is True, which `vsnbench run` checks before the first trial. The movement is a
+        `Waypoint`, a `Trajectory` or a `Velocity`.
 
         Args:
             movement: in the frame of `anchor`.
@@ -172,6 +173,8 @@ class Robot(ABC):
 
     def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
         """Drive on until a time on the robot's clock, and return the motion since the call.
+
+        Called only if `drives_on` is True, like `follow`.
 
         At the end of its path the robot stops and waits. When `watch` returns a reason, it stops, drops the path and
         waits; the result has the reason as `blocked`. A contact or a failure ends the call before the time is over.
@@ -183,7 +186,10 @@ class Robot(ABC):
         raise NotImplementedError(f"{type(self).__name__}.advance")
 
     def come_to_rest(self) -> MotionResult:
-        """Drop the path, brake within the accelerations of the base, and return the motion once it is at rest."""
+        """Drop the path, brake within the accelerations of the base, and return the motion once it is at rest.
+
+        Called only if `drives_on` is True, like `follow`. A contact ends it at once.
+        """
         raise NotImplementedError(f"{type(self).__name__}.come_to_rest")
 
     def interrupted_motion(self) -> MotionResult | None:

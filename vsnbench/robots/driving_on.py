@@ -93,7 +93,11 @@ class DrivingOn:
         self._begin()
         self._follower.brake()
         rests_from_s, last = self._now_s, self._start
-        while self._now_s - self._start_s < _LONGEST_REST_S and self._now_s - rests_from_s < _REST_S:
+        while (
+            self._now_s - self._start_s < _LONGEST_REST_S
+            and self._now_s - rests_from_s < _REST_S
+            and self._touch is None
+        ):
             before = self._follower.command
             self._period(None)
             here, _ = self._read(fresh=True)

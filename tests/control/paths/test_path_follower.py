@@ -21,8 +21,8 @@ ANGULAR_RAD_S2 = acceleration(SETTINGS.angular_rad_s, SETTINGS.turn_rad, SETTING
 class Drives:
     """An exact base that follows paths on a counted clock."""
 
-    def __init__(self) -> None:
-        self.follower = PathFollower(SETTINGS)
+    def __init__(self, settings: MotionSettings = SETTINGS) -> None:
+        self.follower = PathFollower(settings)
         self.pose, self.now_s = Pose(0.0, 0.0), 0.0
         self.commands: list[Command] = []
         self.poses = [self.pose]
@@ -133,6 +133,24 @@ def test_braking_takes_as_long_as_the_deceleration_needs() -> None:
     robot.drive(1.0)
     assert robot.follower.waits
     robot.check_accelerations()
+
+
+@pytest.mark.parametrize(
+    ("answer", "end"),
+    [
+        (Waypoint(0.8, 0.5, math.pi / 2), (0.8, 0.5)),
+        (Trajectory(((0.5, 0.1), (1.0, 0.4), (1.2, 1.0))), (1.2, 1.0)),
+        (Velocity(0.05, 0.1, 1.0), (0.0, 0.0)),
+    ],
+)
+def test_no_command_is_slower_than_the_base_can_move(answer: Drive, end: tuple[float, float]) -> None:
+    robot = Drives(SETTINGS.model_copy(update={"slowest_m_s": 0.12, "slowest_rad_s": 0.25}))
+    robot.follow(answer)
+    robot.drive(9.0)
+    assert all(abs(command.linear_m_s) >= 0.12 or command.linear_m_s == 0.0 for command in robot.commands)
+    assert all(abs(command.angular_rad_s) >= 0.25 or command.angular_rad_s == 0.0 for command in robot.commands)
+    assert robot.follower.waits
+    assert robot.pose.position == pytest.approx(end, abs=0.03)
 
 
 def test_a_base_that_does_not_move_is_reported() -> None:

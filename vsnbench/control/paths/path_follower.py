@@ -12,6 +12,7 @@ from vsnbench.control.law import acceleration, braking_speed, turn_error_rad
 from vsnbench.control.paths.path_progress import PathProgress
 from vsnbench.control.response import BaseResponse, SentCommands
 from vsnbench.control.settings import MotionSettings
+from vsnbench.control.slowest import SlowestVelocity
 from vsnbench.control.stall import DRIVE_SHARE, StallMonitor
 from vsnbench.values.movement import Drive, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose, advanced
@@ -38,6 +39,8 @@ _STALE_SHARE = 0.5
 class PathFollower:
     """Follows the newest path; it has no clock and no robot.
 
+    On a base with slowest velocities, ramps begin and end at these, and slower turns along a path are made in pulses.
+
     Attributes:
         failure: why it cannot go on, or an empty string; it then commands zero velocity.
         sensor_lost: whether missing odometry is the reason.
@@ -48,6 +51,7 @@ class PathFollower:
         share = settings.acceleration_share
         self._linear_m_s2 = acceleration(settings.linear_m_s, settings.forward_m, share)
         self._angular_rad_s2 = acceleration(settings.angular_rad_s, settings.turn_rad, share)
+        self._slowest_turn = SlowestVelocity(settings.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         self._sent = SentCommands(response or BaseResponse(settings.latency_s))
         self._path: PathProgress | None = None
         self._joins = False
@@ -100,7 +104,7 @@ class PathFollower:
                 self._path = PathProgress(_distinct([origin.position, *_placed(points, origin)]))
                 self._joins = True
             case Velocity():
-                self._velocity, self._velocity_until_s = movement, math.inf
+                self._velocity, self._velocity_until_s = self._settings.executable(movement), math.inf
 
     def brake(self) -> None:
         """Drop the path, and slow down to rest within the accelerations of the base."""
@@ -184,20 +188,26 @@ class PathFollower:
         fastest_rad_s = self._settings.angular_rad_s
         cornering_m_s = fastest_rad_s / abs(curvature) if curvature else math.inf
         slower = braking_speed(path.remaining_m, self._linear_m_s2, self._settings.control_period_s)
-        wanted_m_s = max(min(self._settings.linear_m_s, slower, cornering_m_s), _SLOWEST_M_S)
+        wanted_m_s = max(
+            min(self._settings.linear_m_s, slower, cornering_m_s), self._settings.slowest_m_s, _SLOWEST_M_S
+        )
         driven_m_s = self._limited(Command(wanted_m_s), period_s).linear_m_s
-        return Command(wanted_m_s, max(-fastest_rad_s, min(driven_m_s * curvature, fastest_rad_s)))
+        turning_rad_s = max(-fastest_rad_s, min(driven_m_s * curvature, fastest_rad_s))
+        return Command(wanted_m_s, self._slowest_turn.in_turns(turning_rad_s, period_s))
 
     def _turning(self, error_rad: float, period_s: float) -> Command:
         fastest_rad_s = self._settings.angular_rad_s
         slower = braking_speed(abs(error_rad), self._angular_rad_s2, period_s)
-        return Command(0.0, math.copysign(max(min(fastest_rad_s, slower), _SLOWEST_RAD_S), error_rad))
+        return Command(
+            0.0, math.copysign(max(min(fastest_rad_s, slower), self._settings.slowest_rad_s, _SLOWEST_RAD_S), error_rad)
+        )
 
     def _limited(self, wanted: Command, period_s: float) -> Command:
-        """Return what the accelerations of the base permit in one period."""
+        """Return what the accelerations and the slowest velocities of the base permit in one period."""
+        now, slowest_m_s, slowest_rad_s = self.command, self._settings.slowest_m_s, self._settings.slowest_rad_s
         return Command(
-            _towards(self.command.linear_m_s, wanted.linear_m_s, self._linear_m_s2 * period_s),
-            _towards(self.command.angular_rad_s, wanted.angular_rad_s, self._angular_rad_s2 * period_s),
+            _towards(now.linear_m_s, wanted.linear_m_s, self._linear_m_s2 * period_s, slowest_m_s),
+            _towards(now.angular_rad_s, wanted.angular_rad_s, self._angular_rad_s2 * period_s, slowest_rad_s),
         )
 
     def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float, pending_m: float, pending_rad: float) -> bool:
@@ -209,8 +219,11 @@ class PathFollower:
         return turns.is_stuck(now_s, pose.heading_rad, self._commanded_rad - pending_rad) or stuck
 
 
-def _towards(now: float, wanted: float, most: float) -> float:
-    return now + max(-most, min(wanted - now, most))
+def _towards(now: float, wanted: float, most: float, slowest: float) -> float:
+    velocity = now + max(-most, min(wanted - now, most))
+    if abs(velocity) >= slowest:
+        return velocity
+    return math.copysign(slowest, wanted) if wanted else 0.0
 
 
 def _placed(points: Sequence[tuple[float, float]], origin: Pose) -> list[tuple[float, float]]:
