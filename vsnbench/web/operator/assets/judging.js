@@ -86,8 +86,8 @@ export function judgingForm(theCase, options) {
   parts.push(element("label", {}, question), element("div", { class: "row" }, no, yes), what);
   if (isStop) {
     const sight = theCase.in_sight === false ? ", not in line of sight" : "";
-    const known = theCase.odometry ? `Measured from images: ${theCase.estimate || `${theCase.estimate_m} m`}` : `Estimate: ${theCase.estimate || `${theCase.estimate_m} m`}`;
-    const estimate = theCase.estimate_m == null ? "" : `${known}${sight}. `;
+    const source = theCase.odometry ? "Measured from images" : "Estimate";
+    const estimate = theCase.estimate_m == null ? "" : `${source}: ${theCase.estimate || `${theCase.estimate_m} m`}${sight}. `;
     const advice = options.isSecond ? "Judge it from the images." : `${estimate}Leave empty to use the estimate.`;
     tape.append(
       ...field("distance", `${options.isSecond ? "Distance" : "Measured distance"} to the ${theCase.measured_to}, in line of sight, m`, { placeholder: "0.84", inputmode: "decimal" }),
