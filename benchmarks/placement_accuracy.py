@@ -19,7 +19,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -154,11 +154,11 @@ class CameraPair:
     real: Camera
 
     def rectified(self, looks: Sequence[DepthLook]) -> list[DepthLook]:
-        """Return the real camera's looks with the profile's roll removed."""
-        if not self.profile.roll_deg:
-            return list(looks)
-        rectifier = Rectifier(self.profile, None)
-        return [DepthLook(rectifier.depth(np.asarray(look.depth_m, np.float32)), look.odometry) for look in looks]
+        """Return the real camera's looks as the profile's camera without its roll."""
+        rectifier, camera = Rectifier(self.profile, None), self.profile.without_roll
+        if self.profile.roll_deg:
+            looks = [replace(look, depth_m=rectifier.depth(np.asarray(look.depth_m, np.float32))) for look in looks]
+        return [replace(look, camera=camera) for look in looks]
 
 
 def calibrated(camera: Camera, real: Camera) -> Camera:
@@ -186,7 +186,7 @@ def measured(
     trial = draw_trial(site, start, rng, most_m, most_deg, walls_m=asked.walls / 100)
     camera = eyes.profile.without_roll
     eye = NoisyEye(trial.room, eyes.real, trial.depth_scale, rng)
-    matcher = PlacementMatcher(site, camera)
+    matcher = PlacementMatcher(site)
     look = eye.look(trial.pose)
     began_s = time.thread_time()
     got = matcher.measure(start, eyes.rectified([look]))

@@ -146,6 +146,7 @@ def by_clicks(phones: list[Phone], screens: Screens, relay: TcpRelay) -> None:
     screens.save("7-judging")
     for phone in phones:
         phone.fill_judgement("#judging", GivenJudgement("", distance="4 m"))
+    screens.save("7-where-it-stopped", "[data-odometry]")
     anna.confirm("#judging", GivenJudgement(""))
     ben.confirm("#judging", GivenJudgement(""))
     both("#dialog")

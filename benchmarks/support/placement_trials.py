@@ -162,7 +162,7 @@ class NoisyEye:
         depth_m *= np.float32(self._scale)
         with np.errstate(invalid="ignore"):
             depth_m[(depth_m < camera.depth_min_m) | (depth_m > camera.depth_max_m)] = np.nan
-        return DepthLook(depth_m, odometry or Pose(0.0, 0.0))
+        return DepthLook(depth_m, odometry or Pose(0.0, 0.0), camera)
 
     def turn(self, pose: Pose, count: int = 12, turn_error: float = 0.0) -> tuple[list[DepthLook], Pose]:
         """Turn a full circle on the spot; return the looks and the robot's final pose.

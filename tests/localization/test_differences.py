@@ -19,7 +19,7 @@ CHAIR = "office-chair"
 
 def measured(room: Site) -> MeasuredPlacement:
     look = NoisyEye(room, CAMERA, 1.0, np.random.default_rng(4)).look(START.pose)
-    return PlacementMatcher(APARTMENT, CAMERA).measure(START, [look])
+    return PlacementMatcher(APARTMENT).measure(START, [look])
 
 
 def room_with(*things: SiteObject) -> Site:
@@ -50,8 +50,8 @@ def test_what_is_hidden_by_something_that_came_is_not_named() -> None:
 
 
 def test_nothing_is_named_where_it_is_not_known_where_the_robot_stands() -> None:
-    blind = DepthLook(np.full((480, 640), np.nan, np.float32), START.pose)
-    got = PlacementMatcher(APARTMENT, CAMERA).measure(START, [blind])
+    blind = DepthLook(np.full((480, 640), np.nan, np.float32), START.pose, CAMERA)
+    got = PlacementMatcher(APARTMENT).measure(START, [blind])
     assert got.undetermined
     assert got.moved == ()
 
@@ -59,4 +59,4 @@ def test_nothing_is_named_where_it_is_not_known_where_the_robot_stands() -> None
 @pytest.mark.parametrize("scale", [0.99, 1.01])
 def test_a_camera_that_is_off_in_scale_names_nothing(scale: float) -> None:
     look = NoisyEye(APARTMENT, CAMERA, scale, np.random.default_rng(4)).look(START.pose)
-    assert PlacementMatcher(APARTMENT, CAMERA).measure(START, [look]).moved == ()
+    assert PlacementMatcher(APARTMENT).measure(START, [look]).moved == ()

@@ -22,7 +22,7 @@ UNKNOWNS = ("x", "y", "heading", "scale", "tilt", "turn", "roll", "focal", "heig
 def fit() -> tuple[PoseFit, FitState]:
     twin, start = twin_of(APARTMENT), APARTMENT.starts[4]
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(start.pose)
-    sighting = LookSet(twin, CAMERA, [SmallLook.of(look, CAMERA, 80)])
+    sighting = LookSet(twin, [SmallLook.of(look, 80)])
     return PoseFit(sighting, ErrorModel()), FitState.at(start.pose, twin)
 
 
@@ -46,8 +46,8 @@ def fit_of_a_way() -> tuple[PoseFit, FitState]:
     earlier = start.pose.compose(Pose(-0.5, 0.05, 0.3))
     step = start.pose.relative_to(earlier)
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(earlier)
-    looks = [replace(SmallLook.of(look, CAMERA, 80), steps=(step,))]
-    return PoseFit(LookSet(twin, CAMERA, looks), ErrorModel()), FitState.at(start.pose, twin)
+    looks = [replace(SmallLook.of(look, 80), steps=(step,))]
+    return PoseFit(LookSet(twin, looks), ErrorModel()), FitState.at(start.pose, twin)
 
 
 @pytest.mark.parametrize("number", [0, 2, 5, 10, 11], ids=("x", "heading", "turn", "way", "veer"))

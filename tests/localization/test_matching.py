@@ -1,6 +1,7 @@
 """Placements from depth images: correct uncertainty, no false green, undetermined if ambiguous."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.generated_sites.generate import generate_site
 from vsnbench.sites.site import load_site
 from vsnbench.values.placement import PlacementMethod
-from vsnbench.values.pose import Pose
+from vsnbench.values.pose import Attitude, Pose
 
 APARTMENT = load_site("apartment")
 CAMERA = load_profile("turtlebot2").camera
-MATCHER = PlacementMatcher(APARTMENT, CAMERA)
+MATCHER = PlacementMatcher(APARTMENT)
 FACING_A_BARE_WALL = 1
 
 
@@ -62,12 +63,24 @@ def test_headings_that_the_odometry_wraps_are_those_of_one_turn() -> None:
     start = APARTMENT.start(5)
     rng = np.random.default_rng(1)
     around, end = NoisyEye(APARTMENT, CAMERA, 1.0, rng).turn(start.pose, 6, turn_error=0.02)
-    wrapped = [
-        DepthLook(look.depth_m, Pose(0.0, 0.0, math.remainder(look.odometry.heading_rad, math.tau))) for look in around
-    ]
+    wrapped = [replace(look, odometry=Pose(0.0, 0.0, look.odometry.heading_rad).wrapped) for look in around]
     got = MATCHER.measure(start, wrapped)
     assert got.pose.distance_to(end) < 0.03
     assert abs(math.remainder(got.pose.heading_rad - end.heading_rad, math.tau)) < math.radians(0.5)
+
+
+def test_each_look_of_a_body_that_leans_has_its_own_camera() -> None:
+    start = APARTMENT.start(3)
+    looks = []
+    for number, pitch_deg in enumerate([4.0, -3.0]):
+        rng = np.random.default_rng(number)
+        camera = CAMERA.on(Attitude(0.0, math.radians(pitch_deg)))
+        turned = Pose(0.0, 0.0, 0.5 * number)
+        looks.append(NoisyEye(APARTMENT, camera, 1.0, rng).look(start.pose.compose(turned), turned))
+    end = start.pose.compose(turned)
+    assert MATCHER.measure(start, looks).pose.distance_to(end) < 0.01
+    one_camera = [replace(look, camera=looks[-1].camera) for look in looks]
+    assert MATCHER.measure(start, one_camera).pose.distance_to(end) > 0.03
 
 
 def test_removed_objects_are_reported_and_do_not_bias() -> None:
@@ -85,7 +98,7 @@ def test_removed_objects_are_reported_and_do_not_bias() -> None:
 
 @pytest.mark.parametrize("depth_m", [np.nan, 0.0, np.inf])
 def test_almost_no_depth_determines_nothing(depth_m: float) -> None:
-    blind = DepthLook(np.full((480, 640), depth_m, np.float32), Pose(0.0, 0.0))
+    blind = DepthLook(np.full((480, 640), depth_m, np.float32), Pose(0.0, 0.0), CAMERA)
     got = MATCHER.measure(APARTMENT.start(3), [blind])
     assert got.undetermined == ("forward-back", "left-right", "heading")
     assert not got.within_tolerance
@@ -123,7 +136,7 @@ def test_a_coarse_survey_increases_the_uncertainty_of_the_placement() -> None:
     coarse = APARTMENT.model_copy(update={"survey_error_m": 0.03})
     room = with_corners_off(APARTMENT, 0.03, rng)
     look = NoisyEye(room, CAMERA, 1.0, rng).look(start.pose)
-    usual, doubting = (PlacementMatcher(site, CAMERA).measure(start, [look]) for site in (APARTMENT, coarse))
+    usual, doubting = (PlacementMatcher(site).measure(start, [look]) for site in (APARTMENT, coarse))
     assert doubting.region_holds(start.pose)
     assert doubting.region_m > 1.5 * usual.region_m
 
@@ -133,7 +146,7 @@ def test_what_fits_farther_off_than_robots_are_looked_for_is_not_where_it_stands
     rng = np.random.default_rng([33, 40])
     trial = draw_trial(site, site.start(6), rng, 0.15, 5.0)
     look = NoisyEye(trial.room, CAMERA, trial.depth_scale, rng).look(trial.pose)
-    got = PlacementMatcher(site, CAMERA).measure(trial.start, [look])
+    got = PlacementMatcher(site).measure(trial.start, [look])
     assert not got.determined or got.region_holds(trial.pose)
     assert not got.fits or math.hypot(*got.offset.position) < 0.60, "an identical cupboard front is 1 m to the side"
 

@@ -19,7 +19,7 @@ FACING_A_BARE_WALL, FACING_A_CORNER = Pose(7.6, 5.9, math.pi), APARTMENT.start(1
 
 def alternatives(pose: Pose) -> tuple[TriedPose, ...]:
     look = NoisyEye(APARTMENT, CAMERA, 1.0, np.random.default_rng(0)).look(pose)
-    sighting = LookSet(twin_of(APARTMENT), CAMERA, [SmallLook.of(look, CAMERA, 40)])
+    sighting = LookSet(twin_of(APARTMENT), [SmallLook.of(look, 40)])
     return along_surfaces(sighting, TriedPose(pose, 0.0), 1.0)
 
 

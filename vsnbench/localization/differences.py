@@ -48,7 +48,7 @@ def gone(sighting: LookSet, state: FitState) -> frozenset[int]:
     agrees, through = np.zeros(twin.groups), np.zeros(twin.groups)
     for look in looks:
         seen = _Seen.of(sighting, look, state)
-        behind = twin.building.draw(eye_of(sighting.camera, state.pose_of(look)), look.pinhole)
+        behind = twin.building.draw(eye_of(look.camera, state.pose_of(look)), look.pinhole)
         width_m = _AGREES_M + _AGREES_SHARE * seen.depth_m
         tells = behind.depth_m[seen.where] - seen.depth_m > 2 * width_m
         agrees += seen.count(tells & (np.abs(seen.beyond_m) <= width_m))

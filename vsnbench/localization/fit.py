@@ -214,7 +214,7 @@ class PoseFit:
         return NormalEquations(rows, common, own, errors.stretches, now, state.steps)
 
     def _rows_of(self, look: SmallLook, state: FitState, width_m: float) -> Rows:
-        twin, camera, errors = self.sighting.twin, self.sighting.camera, self.errors
+        twin, camera, errors = self.sighting.twin, look.camera, self.errors
         pose = state.pose_of(look)
         view = self.sighting.expected(look, pose)
         with np.errstate(invalid="ignore"):

@@ -21,6 +21,8 @@ class DepthLook:
     """(H, W) metres along the optical axis; NaN, infinite or 0 where invalid."""
     odometry: Pose
     """Odometry in the frame of the first look of a turn."""
+    camera: Camera
+    """Camera of the image; on a body that leans, those of two looks differ."""
     steps: tuple[Pose, ...] = ()
     """What the odometry measured of each step from this look to the first of the set; empty unless the robot drove."""
 
@@ -37,11 +39,13 @@ class SmallLook:
     down: Floats
     """(h,)."""
     odometry: Pose
+    camera: Camera
     steps: tuple[Pose, ...] = ()
 
     @classmethod
-    def of(cls, look: DepthLook, camera: Camera, width: int) -> "SmallLook":
-        """Reduce a depth image of `camera` to about a width; pixels outside whole blocks are cut off on all sides."""
+    def of(cls, look: DepthLook, width: int) -> "SmallLook":
+        """Reduce a depth image to about a width; pixels outside whole blocks are cut off on all sides."""
+        camera = look.camera
         rows, columns = look.depth_m.shape
         block = max(1, round(columns / width))
         h, w = rows // block, columns // block
@@ -62,16 +66,16 @@ class SmallLook:
             (np.arange(w) - pinhole.centre_x) / focal_px,
             (np.arange(h) - pinhole.centre_y) / focal_px,
             look.odometry,
+            camera,
             look.steps,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookSet:
-    """Looks of one camera, from one spot or from the last steps of a way, with the twin of the room."""
+    """Looks from one spot or from the last steps of a way, with the twin of the room."""
 
     twin: Twin
-    camera: Camera
     looks: Sequence[SmallLook]
     """The pose of the first one is unknown."""
 
@@ -82,7 +86,7 @@ class LookSet:
 
     def expected(self, look: SmallLook, pose: Pose) -> DepthView:
         """Return the expected view of a look at `pose`."""
-        return self.twin.drawer.draw(eye_of(self.camera, pose), look.pinhole)
+        return self.twin.drawer.draw(eye_of(look.camera, pose), look.pinhole)
 
 
 def _block_medians(depth: Floats, block: int, h: int, w: int) -> Floats:

@@ -23,7 +23,6 @@ from vsnbench.localization.search import (
 )
 from vsnbench.localization.twin import Floats, Twin, twin_of
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.camera import Camera
 from vsnbench.values.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
 from vsnbench.values.pose import Pose
 
@@ -51,12 +50,11 @@ _STOP_REACH_M, _STOP_REACH_DEG = (0.15, 0.45, 1.2), (5.0, 10.0, 30.0)
 
 
 class PlacementMatcher:
-    """Measures the pose of a robot with this camera in this site; not thread-safe."""
+    """Measures the pose of a robot in this site; not thread-safe."""
 
-    def __init__(self, site: Site, camera: Camera, errors: ErrorModel | None = None) -> None:
+    def __init__(self, site: Site, errors: ErrorModel | None = None) -> None:
         self._twin: Twin = twin_of(site)
         self._site = site
-        self._camera = camera
         self._errors = errors or ErrorModel.of(site)
 
     def measure(
@@ -92,17 +90,15 @@ class PlacementMatcher:
         self, expected: "_Expected", looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
     ) -> MeasuredPlacement:
         measured = self._measured(expected, looks, tolerance)
-        matcher, forward_m, took_s = self, measured.forward_m, measured.took_s
+        forward_m, took_s = measured.forward_m, measured.took_s
         # The linearized fit finds only part of a large step; from its result it finds the rest.
         for _ in range(_MOST_CORRECTIONS):
             if abs(measured.forward_m) < _FORWARD_STEP_M:
                 break
-            ahead_m = matcher._camera.mount_forward_m + measured.forward_m
-            camera = matcher._camera.model_copy(update={"mount_forward_m": ahead_m})
-            matcher = PlacementMatcher(self._site, camera, self._errors)
-            measured = matcher._measured(expected, looks, tolerance)
+            looks = [_with_camera_ahead(look, measured.forward_m) for look in looks]
+            measured = self._measured(expected, looks, tolerance)
             forward_m, took_s = forward_m + measured.forward_m, took_s + measured.took_s
-        return measured if matcher is self else replace(measured, forward_m=forward_m, took_s=took_s)
+        return replace(measured, forward_m=forward_m, took_s=took_s)
 
     def _measured(
         self, expected: "_Expected", looks: Sequence[DepthLook], tolerance: PlacementTolerance | None
@@ -147,7 +143,7 @@ class PlacementMatcher:
         )
 
     def _sighting(self, looks: Sequence[DepthLook], width: int) -> LookSet:
-        return LookSet(self._twin, self._camera, [SmallLook.of(look, self._camera, width) for look in looks])
+        return LookSet(self._twin, [SmallLook.of(look, width) for look in looks])
 
     def _basins(self, looks: Sequence[DepthLook], expected: "_Expected") -> "tuple[list[_Basin], Floats]":
         """Return the candidate poses, best first, and the covariance that the alternatives add to the best.
@@ -160,7 +156,7 @@ class PlacementMatcher:
         ]
         if not coarse:
             return [], np.zeros((3, 3))
-        sparse = LookSet(self._twin, self._camera, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
+        sparse = LookSet(self._twin, coarse[:: max(1, -(-len(coarse) // _MOST_SEARCHED))])
         rough: list[_Basin] = []
         for number, candidate in enumerate(candidates(sparse, expected.pose, _CANDIDATES, expected.reach)):
             if number < _POLISHED:
@@ -183,7 +179,7 @@ class PlacementMatcher:
         misfit = _misfit(sparse, state)
         if sparse.drove:  # the places differ by the shift alone, not by the odometry's errors as well
             placed = [replace(look, odometry=state.pose_of(look).relative_to(state.pose)) for look in sparse.looks]
-            sparse = LookSet(sparse.twin, sparse.camera, placed)
+            sparse = LookSet(sparse.twin, placed)
         tried = along_surfaces(sparse, TriedPose(state.pose, misfit), state.scale)
         similar = [candidate for candidate in tried if candidate.misfit < misfit + _DOUBT]
         if not similar:
@@ -269,6 +265,12 @@ def _difference(pose: Pose, other: Pose) -> tuple[float, float, float]:
     return (pose.x_m - other.x_m, pose.y_m - other.y_m, turned_rad)
 
 
+def _with_camera_ahead(look: DepthLook, ahead_m: float) -> DepthLook:
+    """Return a look whose camera is mounted farther ahead."""
+    mount = {"mount_forward_m": look.camera.mount_forward_m + ahead_m}
+    return replace(look, camera=look.camera.model_copy(update=mount))
+
+
 def _from_the_first(looks: Sequence[DepthLook]) -> list[DepthLook]:
     """Return the looks with odometry relative to the first one and with unwrapped headings."""
     first = looks[0].odometry
@@ -276,7 +278,7 @@ def _from_the_first(looks: Sequence[DepthLook]) -> list[DepthLook]:
     headings = np.unwrap([pose.heading_rad for pose in away])
     headings -= headings[0]
     return [
-        DepthLook(look.depth_m, Pose(pose.x_m, pose.y_m, float(heading)))
+        replace(look, odometry=Pose(pose.x_m, pose.y_m, float(heading)))
         for look, pose, heading in zip(looks, away, headings, strict=True)
     ]
 
@@ -287,7 +289,7 @@ def _to_the_last(looks: Sequence[DepthLook]) -> list[DepthLook]:
     steps = [later.relative_to(earlier) for earlier, later in itertools.pairwise(poses)]
     steps = [Pose(step.x_m, step.y_m, math.remainder(step.heading_rad, math.tau)) for step in steps]
     return [
-        DepthLook(look.depth_m, look.odometry.relative_to(poses[-1]), tuple(steps[number:]))
+        replace(look, odometry=look.odometry.relative_to(poses[-1]), steps=tuple(steps[number:]))
         for number, look in reversed(list(enumerate(looks)))
     ]
 

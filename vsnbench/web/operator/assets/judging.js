@@ -86,9 +86,9 @@ export function judgingForm(theCase, options) {
   parts.push(element("label", {}, question), element("div", { class: "row" }, no, yes), what);
   if (isStop) {
     const sight = theCase.in_sight === false ? ", not in line of sight" : "";
-    const source = theCase.odometry ? "Measured from images" : "Estimate";
+    const [source, kept] = theCase.odometry ? ["Measured from images", "it"] : ["Estimate", "the estimate"];
     const estimate = theCase.estimate_m == null ? "" : `${source}: ${theCase.estimate || `${theCase.estimate_m} m`}${sight}. `;
-    const advice = options.isSecond ? "Judge it from the images." : `${estimate}Leave empty to use the estimate.`;
+    const advice = options.isSecond ? "Judge it from the images." : `${estimate}Leave empty to use ${kept}.`;
     tape.append(
       ...field("distance", `${options.isSecond ? "Distance" : "Measured distance"} to the ${theCase.measured_to}, in line of sight, m`, { placeholder: "0.84", inputmode: "decimal" }),
       element("p", { class: "dim small" }, `${advice} Success: under ${theCase.success_m} m.`),
