@@ -112,7 +112,7 @@ def drive(
     for number, (pose, measured) in enumerate(zip(way.poses, odometry, strict=True)):
         depth_m = eye.look(pose).depth_m if number >= len(way.poses) - _RENDERED else None
         meter.look(observation_of(float(number), camera, pose=measured, depth_m=depth_m))
-    way_m = sum(one.distance_to(other) for one, other in itertools.pairwise(way.poses))
+    way_m = sum(pose.distance_to(later) for pose, later in itertools.pairwise(way.poses))
     end = way.poses[-1]
     return DrivenWay(way.site, way.goal, way.start.number, way_m, end, _distance(way.site, way.goal, end)), meter
 

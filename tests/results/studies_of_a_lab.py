@@ -6,6 +6,7 @@ from dataclasses import replace
 from tests.results.records_of_a_lab import plan, run, stopped
 from vsnbench.protocol.scheduled_trial import ScheduledTrial
 from vsnbench.results.studies.entries import LockedArm, RecordedStudy, StudyChange, StudyLock
+from vsnbench.results.writing.campaigns import CampaignPlan
 from vsnbench.results.writing.journal import Journal
 
 CONTENT = "title: Which?\n"
@@ -15,9 +16,9 @@ def hash_of(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def lock(journal: Journal, *, seed: int = 3, blind: bool = True) -> RecordedStudy:
+def lock(journal: Journal, *, seed: int = 3, blind: bool = True, of: CampaignPlan | None = None) -> RecordedStudy:
     """Lock a study of two arms on four cells."""
-    first = replace(plan(), seed=seed)
+    first = replace(of or plan(), seed=seed)
     second = replace(first, model=replace(first.model, name="another"))
     arms = [LockedArm("lark", "B", first), LockedArm("owl", "A", second)]
     trials = [

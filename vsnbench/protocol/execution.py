@@ -21,7 +21,7 @@ KINDS_WHILE_DRIVING: Final = frozenset(
 )
 """Kinds of answers that can replace a running path. Discrete actions, moves and chunks go from rest to rest."""
 SECONDS_PER_ACTION: Final = 2.0
-"""Time that a continuous trial has for each action of `max_actions`, where the protocol has no limit of time. A move of
+"""Time that a continuous trial has for each action of `max_actions`, where the protocol has no time limit. A move of
 0.25 m at 0.3 m/s takes 1.4 s, a turn of 30 degrees at 0.5 rad/s 1.7 s."""
 _OPTION = "--continuous"
 

@@ -7,10 +7,10 @@ counted = episodes.query("state == 'counted'")
 counted.groupby(["model", "goal"])["success"].agg(["sum", "count", "mean"])
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from operator import index
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
@@ -120,7 +120,17 @@ class Results:
         frame["raw_action"] = frame["raw_action"].where(~hidden, frame["action"])
         for name in HIDDEN_COLUMNS & set(frame.columns):
             frame[name] = frame[name].where(~hidden)
+        drives_on = hidden & frame["movement"].map(
+            lambda movement: isinstance(movement, Mapping) and "answer" in movement
+        )
+        frame["duration_s"] = frame["duration_s"].where(~drives_on)
+        frame.loc[drives_on, "movement"] = frame.loc[drives_on, "movement"].map(_without_times)
         return frame
+
+
+def _without_times(movement: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a column `movement` without what would reveal how long the model thinks."""
+    return {name: value for name, value in movement.items() if name not in ("answer", "waiting_s")}
 
 
 def _episode_numbers(episodes: tuple[int | Iterable[int], ...]) -> set[int]:

@@ -32,6 +32,10 @@ def _progress(state: str, shortest_m: float | None, remaining_m: float | None) -
     return known_progress(shortest_m, remaining_m) if state in RESULTS else None
 
 
+def _duration(duration_s: float | None, is_hidden: bool) -> float | None:
+    return None if is_hidden else duration_s
+
+
 def _placement(x_m: float | None, y_m: float | None, heading_rad: float | None, source: str | None) -> Fix | None:
     return fix_of_columns(x_m, y_m, heading_rad, source or PoseSource.ESTIMATED.value)
 
@@ -109,7 +113,13 @@ class Episode:
         *(_ROW.state, _ROW.geodesic_start_m, _ROW.geodesic_end_m),
         decode=_progress,
     )
-    duration_s: float | None = quantity("duration on the robot's clock", _ROW.duration_s)
+    duration_s: float | None = quantity(
+        "duration on the robot's clock",
+        _ROW.duration_s,
+        read.HAS_HIDDEN_DURATION,
+        decode=_duration,
+        absent="if unknown, and for a blinded arm in continuous execution",
+    )
     wall_duration_s: float | None = quantity("duration on the computer's clock", _ROW.wall_duration_s, hidden=True)
     thinking_s: float | None = quantity(
         "sum of the inference times", _ROW.thinking_s, absent="until the end, and if a step has none", hidden=True

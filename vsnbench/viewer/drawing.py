@@ -246,8 +246,8 @@ def action_count(parameters: ProtocolParameters, step: StepRecord) -> str:
     """Return which action of how many a step is, or which answer at which time."""
     if parameters.action_limit is not None:
         return f"action {step.number} of {parameters.action_limit}"
-    time_s = "" if step.stamp_s is None else f", {step.stamp_s:.1f} s"
-    return f"answer {step.number}{time_s} of {parameters.time_limit_s:g} s"
+    time = "" if step.stamp_s is None else f", {step.stamp_s:.1f} s of {parameters.time_limit_s:g} s"
+    return f"answer {step.number}{time}"
 
 
 def _outcome(entry: StepEntry) -> str:

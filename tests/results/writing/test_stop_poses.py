@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sqlalchemy import select
 
 from tests.results.records_of_a_lab import SITE_TEXT, complete, plan, stopped
 from tests.results.writing.test_sessions import MEASURED, set_operator
@@ -20,6 +21,8 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
+from vsnbench.results.schema.placement_tables import Placement
+from vsnbench.results.writing.deletion import delete_for_good
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.judging.case import Case
@@ -96,11 +99,22 @@ def test_a_merge_brings_both_measurements_once(tmp_path: Path) -> None:
     for _ in range(2):
         merge(ours, [merge_source(str(tmp_path / "theirs"))], without_images=True)
     with Journal.open(ours.database_url) as journal:
-        (number,) = [one.id for one in list_episodes(journal.engine, EpisodeFilter())]
+        (number,) = [episode.id for episode in list_episodes(journal.engine, EpisodeFilter())]
         kept = episode_record(journal.engine, number)
     assert kept.measured is not None
     assert kept.stopped is not None
     assert kept.stopped.words == STOP.text
+
+
+def test_a_deletion_removes_both_measurements_and_its_backup_has_them(tmp_path: Path) -> None:
+    results = record(tmp_path, ended(STOP))
+    _, aside = delete_for_good(results, [1], [], author="Ana", reason="a mistake")
+    with Journal.open(sqlite_url(aside / "vsnbench.db")) as backup:
+        kept = episode_record(backup.engine, 1)
+    assert kept.measured is not None
+    assert kept.stopped is not None
+    with Journal.open(results.database_url) as journal, journal.engine.connect() as connection:
+        assert connection.execute(select(Placement.id)).all() == []
 
 
 def test_the_operator_can_answer_that_the_odometry_is_right(tmp_path: Path) -> None:

@@ -163,22 +163,19 @@ def read_stops(engine: Engine, record: ReportData) -> Rows:
     rows = record.episodes[record.episodes["episode"].isin([row.episode_id for row in measured])]
     columns_of = (rows[name].tolist() for name in ("episode", "condition", "path_m", "state"))
     known = {episode: found for episode, *found in zip(*columns_of, strict=True)}
-    robots = {one.number: (one.robot, one.robot_title, one.simulated) for one in record.conditions}
+    robots = {
+        condition.number: (condition.robot, condition.robot_title, condition.simulated)
+        for condition in record.conditions
+    }
     found: dict[tuple[str, str, bool], dict[str, Any]] = {}
     for row in measured:
         if row.episode_id not in known:
             continue
         condition, path_m, state = known[row.episode_id]
         name, title, simulated = robots[condition]
-        new: dict[str, Any] = {
-            "robot": name,
-            "title": title,
-            "simulated": simulated,
-            "stops": 0,
-            "differing": [],
-            "unjudged": 0,
-        }
-        robot = found.setdefault(robots[condition], new | {"drift_per_m": [], "turn_per_m": [], "drift_m": []})
+        new = {"robot": name, "title": title, "simulated": simulated, "stops": 0, "unjudged": 0}
+        lists: dict[str, list[float]] = {key: [] for key in ("differing", "drift_m", "drift_per_m", "turn_per_m")}
+        robot = found.setdefault(robots[condition], {**new, **lists})
         robot["stops"] += 1
         if row.verdicts_differ:
             robot["differing"].append(row.episode_id)

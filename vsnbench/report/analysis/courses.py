@@ -16,6 +16,7 @@ from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.fields import quantity
 from vsnbench.results.model import EpisodeRecord
+from vsnbench.results.reading.blinding import blind_episodes
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow
 from vsnbench.sites.site import Site
@@ -225,7 +226,8 @@ def examine(
 def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
     """Return the courses of some episodes, by number; none without steps.
 
-    Poses in the site are used as recorded; without them odometry is added to the start pose.
+    Poses in the site are used as recorded; without them odometry is added to the start pose. The waiting time would
+    reveal the model of a blinded arm.
     """
     with record_errors(engine), engine.connect() as connection:
         found = connection.execute(
@@ -245,13 +247,14 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
             .where(StepRow.episode_id.in_(numbers))
             .order_by(StepRow.episode_id, StepRow.number)
         ).all()
+        blind = blind_episodes(connection, numbers)
     grouped: dict[int, list[Any]] = {}
     for row in found:
         grouped.setdefault(row[0], []).append(row)
-    return {number: _course(rows) for number, rows in grouped.items()}
+    return {number: _course(rows, is_blind=number in blind) for number, rows in grouped.items()}
 
 
-def _course(rows: Sequence[Any]) -> Course:
+def _course(rows: Sequence[Any], *, is_blind: bool) -> Course:
     start = _pose(rows[0][1:4])
     poses = [start] if start else []
     for row in rows:
@@ -260,7 +263,7 @@ def _course(rows: Sequence[Any]) -> Course:
         elif start and (after := _pose(row[7:10])):
             poses.append(start.compose(after))
     touched = next((row[11] for row in reversed(rows) if row[11]), "")
-    waited = [row[12] for row in rows if row[12] is not None]
+    waited = [row[12] for row in rows if row[12] is not None and not is_blind]
     return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, math.fsum(waited) if waited else None)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vsnbench.protocol.execution import STOP_AND_GO
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.results.reading.blinding import HIDDEN_COLUMNS
 
@@ -49,19 +50,32 @@ def _ratio(part: Floats, whole: Floats) -> Floats:
 
 
 def add_times(columns: dict[str, Any], conditions: Sequence[Condition]) -> None:
-    """Add the column `sct`, and keep `thinking_s` where it counts: of real robots; blinded arms have no wall times."""
-    condition = columns["condition"]
-    is_real = np.isin(condition, [one.number for one in conditions if not one.simulated])
-    columns["thinking_s"] = np.where(is_real, columns["thinking_s"], np.nan)
+    """Add the column `sct`, and keep `thinking_s` where it counts: of real robots that rest while the model thinks.
+
+    Blinded arms have no wall times, and in continuous execution no durations.
+    """
+    numbers = columns["condition"]
+    adds_thinking = np.isin(
+        numbers,
+        [
+            condition.number
+            for condition in conditions
+            if not condition.simulated and condition.execution == STOP_AND_GO
+        ],
+    )
+    columns["thinking_s"] = np.where(adds_thinking, columns["thinking_s"], np.nan)
     # The time that a model thinks would reveal it in a blinded study.
-    is_blind = np.isin(condition, [one.number for one in conditions if one.blind])
-    for name in HIDDEN_COLUMNS & columns.keys() if is_blind.any() else ():
+    blind = [condition for condition in conditions if condition.blind]
+    is_blind = np.isin(numbers, [condition.number for condition in blind])
+    for name in HIDDEN_COLUMNS & columns.keys() if blind else ():
         columns[name] = np.where(is_blind, None if columns[name].dtype == object else np.nan, columns[name])
-    counted_s = np.where(is_real, columns["thinking_s"], 0.0)
-    speeds = np.full(max((one.number for one in conditions), default=0) + 1, np.nan)
-    for one in conditions:
-        speeds[one.number] = np.nan if one.max_linear_m_s is None else one.max_linear_m_s
-    columns["sct"] = sct_of(columns, speeds[condition], columns["duration_s"] + counted_s)
+    if drives_on := [condition.number for condition in blind if condition.execution != STOP_AND_GO]:
+        columns["duration_s"] = np.where(np.isin(numbers, drives_on), np.nan, columns["duration_s"])
+    counted_s = np.where(adds_thinking, columns["thinking_s"], 0.0)
+    speeds = np.full(max((condition.number for condition in conditions), default=0) + 1, np.nan)
+    for condition in conditions:
+        speeds[condition.number] = np.nan if condition.max_linear_m_s is None else condition.max_linear_m_s
+    columns["sct"] = sct_of(columns, speeds[numbers], columns["duration_s"] + counted_s)
 
 
 def sct_of(episodes: Columns, max_linear_m_s: ArrayLike, taken_s: ArrayLike) -> Floats:

@@ -4,7 +4,7 @@ from vsnbench.report.measures import COUNT, FLAG, NUMBER, TEXT, Measure, Measure
 from vsnbench.results.model import EPISODE, PROVENANCE
 
 _SURVEYED = "the model receives the site file: an upper bound, not a competitor"
-_ACTIONS, _TIME = "limit of actions per episode", "limit of time per episode on the robot's clock"
+_ACTIONS, _TIME = "limit of actions per episode", "time limit of an episode on the robot's clock"
 CONDITION = Measures.shared(
     "condition_identity",
     Measure("name", TEXT, "name in tables; unique among the conditions of a report"),

@@ -38,8 +38,12 @@ def blind_episodes(connection: Connection, numbers: Iterable[int] | None = None)
 def hide_step(step: StepRecord) -> StepRecord:
     """Return a step without the model's texts, diagnostics and timing.
 
-    The times of two steps and of the motion between them would give the inference time.
+    The times of two steps and of the motion between them would give the inference time. In continuous execution the
+    duration of the motion alone gives it.
     """
+    result = step.result
+    if result is not None and step.answer is not None:
+        result = replace(result, duration_s=math.nan, waiting_s=None)
     return replace(
         step,
         raw_action=step.action.value,
@@ -47,18 +51,21 @@ def hide_step(step: StepRecord) -> StepRecord:
         stamp_s=None,
         timings=StepTimings(),
         answer=None,
-        result=step.result and replace(step.result, waiting_s=None),
+        result=result,
         probabilities={},
         details={},
     )
 
 
 def hide_steps(steps: Iterable[StepRecord]) -> tuple[StepRecord, ...]:
-    """Return the hidden steps of an episode, each with the sum of the motions before it as its stamp, in seconds."""
+    """Return the hidden steps of an episode, each with the sum of the motions before it as its stamp, in seconds.
+
+    In continuous execution each of these motions counts as one second.
+    """
     hidden, clock_s = [], 0.0
     for step in steps:
         hidden.append(replace(hide_step(step), stamp_s=clock_s))
-        lasted_s = step.result.duration_s if step.result else 0.0
+        lasted_s = 1.0 if step.answer is not None else step.result.duration_s if step.result else 0.0
         clock_s += lasted_s if math.isfinite(lasted_s) else 0.0
     return tuple(hidden)
 

@@ -39,6 +39,10 @@ CODE: ColumnElement[str | None] = _code(CampaignRow.id).correlate(CampaignRow).s
 MODEL_NAME: ColumnElement[str] = func.coalesce(CODE, ModelRow.name)
 CAMPAIGN_NAME: ColumnElement[str] = func.coalesce(CODE, CampaignRow.name)
 CAMPAIGN_KEY: ColumnElement[str] = func.coalesce(CODE, CampaignRow.key)
+HAS_HIDDEN_DURATION: ColumnElement[bool] = CampaignRow.protocol["execution"].as_string().is_not(None) & CODE.is_not(
+    None
+)
+"""The duration of an episode on the robot's clock would reveal how long the model of a blinded arm thinks."""
 HIDDEN = "hidden while the study is blinded"
 """Replacement of texts that could identify a model."""
 TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})

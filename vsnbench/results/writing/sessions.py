@@ -73,7 +73,7 @@ class RecordedStop(RecordedPlacement):
     verdicts_differ: bool = quantity("STOP succeeds by one of the two poses and fails by the other")
 
 
-_OF_STOP = tuple(name for name in RecordedStop.__annotations__)
+_OF_STOP = tuple(RecordedStop.__annotations__)
 
 
 def join_session(connection: Connection, process_id: int, episode_id: int, operator: str) -> None:

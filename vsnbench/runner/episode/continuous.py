@@ -30,7 +30,7 @@ from vsnbench.values.step import AnswerTiming, StepTimings, taken_action
 
 _NOTHING = MotionResult(completed=True)
 _OVER_LIMIT_S = 0.05
-"""Time that a motion may last beyond the limit of time, so that the limit is reached despite rounding."""
+"""Time that a motion may last beyond the time limit, so that the limit is reached despite rounding."""
 
 
 @dataclass(slots=True, eq=False)

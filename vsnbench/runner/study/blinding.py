@@ -27,7 +27,8 @@ def hide_verdict(verdict: Verdict) -> Verdict:
 
 def hide_choice(step: Step) -> Step:
     """Return a step without the model's diagnostics and inference time."""
-    return replace(step, decision=Decision(step.decision.action), timings=replace(step.timings, infer_s=None))
+    timings = replace(step.timings, infer_s=None)
+    return replace(step, decision=Decision(step.decision.action), timings=timings, answer=None)
 
 
 def hide_end(ended: EndedEpisode) -> EndedEpisode:
@@ -55,14 +56,17 @@ class BlindViewer:
 
     def open_episode(self, header: EpisodeHeader, directory: Path) -> EpisodeSink:
         """Return a sink that passes on what may be shown."""
-        return _BlindSink(self._viewer.open_episode(header, directory))
+        return _BlindSink(self._viewer.open_episode(header, directory), header)
 
 
 class _BlindSink:
-    def __init__(self, sink: EpisodeSink) -> None:
+    def __init__(self, sink: EpisodeSink, header: EpisodeHeader) -> None:
         self._sink = sink
+        self._drives_on = header.parameters.execution is not None
 
     def add(self, entry: Entry) -> None:
+        if self._drives_on and isinstance(entry, EpisodeEnd):
+            entry = replace(entry, duration_s=None)
         self._sink.add(_hide_entry(entry))
 
     def close(self) -> object:
