@@ -63,7 +63,7 @@ class Address:
         """Parse an address of a `noun`.
 
         Raises:
-            UsageError: the address is invalid, or is that of another machine and there is no token.
+            UsageError: the address is invalid, or names another machine without a token.
         """
         try:
             parts = urlsplit(url)
@@ -84,7 +84,7 @@ class Address:
             )
         if parts.scheme == "ws" and not token and not is_loopback(parts.hostname):
             raise UsageError(
-                f"{noun} {url} is on another machine and there is no token",
+                f"{noun} {url} is on another machine, which needs a token",
                 advice=f"set ${TOKEN_VARIABLE} on both sides, and use wss:// on a shared network",
                 code="no-token",
             )

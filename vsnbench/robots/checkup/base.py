@@ -118,7 +118,7 @@ class RosCheckup(ABC):
         self._tf: OdometryReader[Any] | None = None
 
     def results(self, *, move: bool) -> Iterator[CheckResult]:
-        """Perform all checks; ends early if there is no connection.
+        """Perform all checks; end early without a connection.
 
         Args:
             move: whether the robot may turn on the spot to check its odometry.

@@ -80,7 +80,7 @@ class AdapterCheckup:
         self._still = profile.tolerances or Tolerances()
 
     def results(self, *, move: bool) -> Iterator[CheckResult]:
-        """Perform all checks; ends early if there is no connection.
+        """Perform all checks; end early without a connection.
 
         Args:
             move: whether the robot may turn on the spot.
