@@ -134,6 +134,13 @@ def episodes_of_campaigns(*columns: Any) -> Select[Any]:
     )
 
 
+def episodes_with(*columns: Any) -> Select[Any]:
+    """Select columns for all episodes, unordered; the tables of the campaign are only joined if a column needs them."""
+    needed = set(select(*columns).get_final_froms())
+    is_of_trials = needed <= {row.__table__ for row in (EpisodeRow, TrialRow, VerdictRow)}
+    return (episodes_of_trials if is_of_trials else episodes_of_campaigns)(*columns)
+
+
 def first_attempt(trial_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:
     """Return the id of the first episode of a trial that is not void, as a scalar subquery."""
     episode = aliased(EpisodeRow)
