@@ -7,12 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.movement import (
     MAX_PARTS,
-    ActionKind,
     Chunk,
     Move,
     Movement,

@@ -26,10 +26,11 @@ from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading
+from vsnbench.values.movement import STOP, Drive, holds_heading
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
 from vsnbench.values.pose import LEVEL, Pose
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class

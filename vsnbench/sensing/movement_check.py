@@ -2,7 +2,7 @@
 
 import math
 
-from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Waypoint, ahead, end_of, holds_heading, reach_m
+from vsnbench.values.movement import Drive, Move, Trajectory, ahead, end_of, fixes_heading, holds_heading, reach_m
 from vsnbench.values.pose import Pose, wrap_angle
 
 MAX_ERROR_M, MAX_ERROR_RAD = 0.10, math.radians(10)
@@ -71,7 +71,7 @@ def contradiction(movement: Drive, before: Pose, after: Pose, miss_m: float | No
     wanted = before.compose(target)
     if (off_m := wanted.distance_to(after)) > max(_MAX_MISS_M, miss_m or 0.0):
         return f"the odometry is {off_m * 100:.1f} cm from the requested position"
-    if isinstance(movement, Move | Sidestep) or (isinstance(movement, Waypoint) and movement.heading_rad is not None):
+    if fixes_heading(movement):
         off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))
         if off_rad > MAX_ERROR_RAD:
             return f"the odometry is {math.degrees(off_rad):.1f}° from the requested heading"

@@ -7,12 +7,11 @@ radians, seconds. Limits keep one movement within what a depth image of a room c
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from enum import StrEnum
 from itertools import pairwise
 from typing import Any, Final, get_args
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.pose import Pose
 
 MAX_DISTANCE_M: Final = 5.0
@@ -29,19 +28,6 @@ _MAX_SPEED: Final = 10.0
 """Above what any base can do, m/s or rad/s; the robot's own limits are checked when the robot is known."""
 _MIN_DURATION_S: Final = 0.05
 _MAX_PIXEL: Final = 4096.0
-
-
-class ActionKind(StrEnum):
-    """Kind of a model's answer."""
-
-    DISCRETE = "discrete"
-    MOVE = "move"
-    CHUNK = "chunk"
-    WAYPOINT = "waypoint"
-    TRAJECTORY = "trajectory"
-    VELOCITY = "velocity"
-    PIXEL = "pixel"
-    SIDESTEP = "sidestep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +175,13 @@ def ahead(movement: Drive) -> float:
     return 1.0
 
 
+def fixes_heading(movement: Drive) -> bool:
+    """Return whether a movement prescribes the heading at its end, that of `end_of`."""
+    return not isinstance(movement, Trajectory | Velocity) and not (
+        isinstance(movement, Waypoint) and movement.heading_rad is None
+    )
+
+
 def movement_text(movement: Movement) -> str:
     """Return a short description, such as `to (1.20, -0.30) m`."""
     match movement:
@@ -258,27 +251,6 @@ def _finite(value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{number} is not a finite number")
     return number
-
-
-def checked_parts(parts: object) -> tuple[Action | Movement, ...]:
-    """Return the validated parts of a chunk.
-
-    Raises:
-        DecisionError: there are too many, or one of them is neither an action nor a movement.
-    """
-    if not isinstance(parts, tuple | list):
-        raise DecisionError(f"the parts of a chunk must be a list, got {type(parts).__name__}")
-    if len(parts) > MAX_PARTS:
-        raise DecisionError(f"a chunk must have at most {MAX_PARTS} parts, got {len(parts)}")
-    return tuple(_checked_part(part) for part in parts)
-
-
-def _checked_part(part: object) -> Action | Movement:
-    if isinstance(part, Action):
-        if part.has_parameters:
-            raise DecisionError(f"{part} needs its parameters: put the movement itself into the chunk")
-        return part
-    return checked_movement(part)
 
 
 def checked_movement(given: object) -> Movement:

@@ -21,8 +21,9 @@ from pydantic import (
     model_validator,
 )
 
+from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind
+from vsnbench.values.movement import DRIVE_KINDS
 
 
 class Base(BaseModel):

@@ -22,10 +22,11 @@ from vsnbench.robots.adapter.progress import MovementWatch
 from vsnbench.robots.contract import Robot, Watch
 from vsnbench.sensing.movement_check import MovementAlarmError, contradiction, displacement_m
 from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading, movement_text, movement_to_json
+from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text, movement_to_json
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ADAPTER, RobotIdentity

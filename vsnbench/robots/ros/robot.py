@@ -32,10 +32,11 @@ from vsnbench.robots.ros.start import (
 )
 from vsnbench.robots.ros.watchdog import require_watchdog
 from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import ActionKind, Drive, Sidestep
+from vsnbench.values.movement import Drive, Sidestep
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
