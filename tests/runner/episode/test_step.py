@@ -132,6 +132,7 @@ def test_a_robot_that_avoids_an_obstacle_by_itself_takes_a_blocked_step() -> Non
         (Chunk((Action.TURN_LEFT,)), frozenset({ActionKind.DISCRETE})),
         (Velocity(0.1, 3.3, 1.0), frozenset(ActionKind)),
         (Velocity(9.0, 0.0, 1.0), frozenset(ActionKind)),
+        (Velocity(0.1, 0.0, 1.0, 0.1), frozenset(ActionKind)),
     ],
 )
 def test_an_answer_outside_of_card_and_base_is_a_model_error(
