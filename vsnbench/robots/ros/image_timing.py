@@ -30,7 +30,7 @@ _WINDOW_S, _SHORTEST_S = 10.0, 2.0
 """Time over which a session measures rates, and the shortest one that shows them."""
 
 
-class _Mark(NamedTuple):
+class _Tally(NamedTuple):
     at_s: float
     received: Mapping[str, int]
 
@@ -50,7 +50,7 @@ class RateWatch:
         }
         if names.depth:
             self._topics["depths"] = ("depth_hz", names.depth, names.camera_rate_hz)
-        self._marks: deque[_Mark] = deque()
+        self._marks: deque[_Tally] = deque()
         self._slow: set[str] = set()
 
     def look(self, now: RobotSnapshot, now_s: float) -> dict[str, float]:
@@ -62,7 +62,7 @@ class RateWatch:
             now: the newest reports.
             now_s: the time, monotonic.
         """
-        self._marks.append(_Mark(now_s, now.received))
+        self._marks.append(_Tally(now_s, now.received))
         while len(self._marks) > 2 and now_s - self._marks[1].at_s >= _WINDOW_S:
             self._marks.popleft()
         first = self._marks[0]
