@@ -11,12 +11,12 @@ from statistics import mean
 
 import pytest
 
-from tests.sensing.stand import KINDS, LEGGED, PROFILE, SETTINGS, Stand, Trial, held, movements, trial
+from tests.sensing.stand import KINDS, LEGGED, PROFILE, SETTINGS, Stand, Trial, held, movements, stand_for, trial
 from vsnbench.control.command import Command
 from vsnbench.control.law import turn_error_rad
 from vsnbench.control.settings import MotionSettings
 from vsnbench.values.movement import Sidestep, Velocity
-from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics
+from vsnbench.values.robot_profile import BaseDynamics
 
 COUNT = 4
 LATE = BaseDynamics(dead_time_s=0.05, motor_time_constant_s=0.08)
@@ -48,10 +48,6 @@ class Recording(Stand):
     def hear(self, command: Command) -> None:
         self.commands.append(command)
         super().hear(command)
-
-
-def stand_for(kind: str, dynamics: BaseDynamics = IDEAL_BASE) -> Stand:
-    return Stand(dynamics, profile=LEGGED if kind == "sidestep" else PROFILE)
 
 
 @cache
