@@ -147,7 +147,8 @@ def test_the_base_leaves_rest_only_after_the_caller_has_looked() -> None:
     def script(caller: Caller) -> Iterator[float]:
         start = caller.pose
         caller.ask(Waypoint(0.0, 1.0))  # to the left: it turns first
-        yield 4.0
+        yield 8.0  # longer than it would take to find a base that does not follow
+        assert not caller.state.failure
         assert math.degrees(caller.pose.heading_rad - start.heading_rad) == pytest.approx(90, abs=6)
         assert caller.pose.distance_to(start) < 0.005
         assert caller.state.asks == 1

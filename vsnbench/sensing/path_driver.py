@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 
-from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.control.command import Command
 from vsnbench.control.paths.path_follower import PathFollower
 from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.path_orders import SILENT_S, PathEnd, PathOrder, PathState
@@ -106,12 +106,13 @@ class PathDriver:
             return None
         if is_new and not self._execute(order, pose):
             return None
-        before = follower.command
+        follower.may_leave = self._asking and order.leaves >= self._state.asks
         command = follower.step(pose, now_s, stamp_s)
         if follower.failure:
             self._fail(follower.failure, sensor_lost=follower.sensor_lost)
             return None
-        command = self._allowed(order, before, command)
+        asks_now = follower.would_leave and not self._asking
+        self._asking = follower.would_leave
         left_m = follower.remaining_m
         with self._lock:
             self._state = replace(
@@ -119,6 +120,7 @@ class PathDriver:
                 number=order.number,
                 waits=follower.waits,
                 remaining_m=left_m if math.isfinite(left_m) else None,
+                asks=self._state.asks + asks_now,
             )
         return command
 
@@ -134,20 +136,6 @@ class PathDriver:
             case movement:
                 self._follower.follow(movement, pose if order.origin is None else order.origin, pose)
         return True
-
-    def _allowed(self, order: PathOrder, before: Command, command: Command) -> Command:
-        """Return a command, or standstill if the base would leave its position before the caller has looked."""
-        if before.linear_m_s or command.linear_m_s <= 0:
-            self._asking = False
-            return command
-        if not self._asking:
-            self._asking = True
-            with self._lock:
-                self._state = replace(self._state, asks=self._state.asks + 1)
-        if order.leaves >= self._state.asks:
-            return command
-        self._follower.command = STANDSTILL
-        return STANDSTILL
 
     def _fail(self, reason: str, *, sensor_lost: bool = False) -> None:
         with self._lock:

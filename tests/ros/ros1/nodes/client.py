@@ -66,7 +66,8 @@ class Client:
     def drive_on(self, movement: dict, seconds: float = 6.0) -> dict:
         """Drive on with the guard of a run, with a new path every 0.3 s, until something ends the motion."""
         guard = PathGuard(self.robot.profile, ProtocolParameters())
-        end_s = (now_s := self.robot.observe().stamp_s) + seconds
+        self.robot.observe()
+        end_s = (now_s := self.robot.now_s() or 0.0) + seconds
         result = self.robot.advance(now_s, guard)
         while result.completed and now_s < end_s:
             now_s += 0.3
