@@ -64,6 +64,7 @@ class PathRunner:
         self._read_s = -math.inf
         """Time of the newest odometry in the measured path."""
         self._last = Pose(0.0, 0.0)
+        self._order = None
         self._over = False
         """Whether no path may be driven any more in this episode."""
         self._forget()
@@ -195,9 +196,9 @@ class PathRunner:
             if thread is None:
                 return
             self._ended.set()
+        self._give(PathEnd.RELEASE)
         if thread is not threading.current_thread():
             thread.join(_SIGHT_TIMEOUT_S)
-        self._give(PathEnd.RELEASE)
 
     def _give(self, task: Drive | PathEnd, origin: Pose | None = None) -> PathOrder:
         """Give a new order."""

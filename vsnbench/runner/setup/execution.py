@@ -22,7 +22,7 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
         raise UsageError(
             f"--continuous: robot {name} takes no velocity commands and no paths, so it cannot drive on while a model "
             "thinks",
-            advice=f"start vsnbench robots serve {name}, use --robot simulated:{name}, or leave --continuous out",
+            advice="use vsnbench robots serve on a robot over ROS, --robot simulated, or leave --continuous out",
             code="no-velocity-commands",
         )
     if not card.action_kinds & KINDS_WHILE_DRIVING:
