@@ -31,6 +31,7 @@ from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Trajectory, Waypoint
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import IDEAL_BASE, BaseDynamics
 
 PROFILE = profile_of(None)
 IMAGE_DELAY_S = 0.05
@@ -46,9 +47,12 @@ class Link:
     has_labels = False
     image_turns = 0
 
-    def __init__(self) -> None:
+    def __init__(self, speed_m_s: float, dynamics: BaseDynamics) -> None:
         self.names = ros2_interface(PROFILE)
-        self.stand = Stand(profile=PROFILE)
+        speeds = PROFILE.speeds.model_copy(update={"linear_m_s": speed_m_s})
+        base = PROFILE.base.model_copy(update={"max_linear_m_s": 0.6})
+        self.profile = PROFILE.model_copy(update={"speeds": speeds, "base": base})
+        self.stand = Stand(dynamics, profile=self.profile)
         self.reports = RobotReports(PROFILE)
         self.loops: list[Callable[[], None]] = []
         self.driver = PathDriver(self.stand.mover, self.loops.append)
@@ -99,9 +103,9 @@ class Link:
 class Rig:
     """A robot that drives on while a script waits, as the runner does while a model thinks."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, wall_m: float = 50.0) -> None:
-        self.link = link = Link()
-        self.wall_m = wall_m
+    def __init__(self, patch: pytest.MonkeyPatch, speed_m_s: float = 0.3, dynamics: BaseDynamics = IDEAL_BASE) -> None:
+        self.link = link = Link(speed_m_s, dynamics)
+        self.wall_m, self.image_delay_s = 50.0, IMAGE_DELAY_S
         self.sees = self.feels = True
         self._camera_due_s = self._odometry_due_s = self._watch_due_s = 0.0
         self._late: list[tuple[float, float, Any]] = []
@@ -120,7 +124,7 @@ class Rig:
         self.movements.begin(link.snapshot())
         self.runner = PathRunner(link, self.movements)  # type: ignore[arg-type]
         camera = RosCamera(link, PROFILE)  # type: ignore[arg-type]
-        self.guard = PathGuard(PROFILE, ProtocolParameters())
+        self.guard = PathGuard(link.profile, ProtocolParameters())
         self.looks = PathLooks(camera, self.guard)
 
     @property
@@ -148,7 +152,7 @@ class Rig:
             self.link.reports.take_odometry((*here.position, here.heading_rad), now_s, "odom", "base")
         if self.sees and now_s >= self._camera_due_s:
             self._camera_due_s = now_s + 0.1
-            self._late.append((now_s + IMAGE_DELAY_S, now_s, self.picture()))
+            self._late.append((now_s + self.image_delay_s, now_s, self.picture()))
         while self._late and self._late[0][0] <= now_s:
             _, stamp_s, pictures = self._late.pop(0)
             for field, image in pictures.items():
@@ -226,6 +230,44 @@ def test_the_guard_stops_the_robot_while_the_model_thinks(rig: Rig) -> None:
         assert again.displacement_m < 0.01, "it looks before it leaves its position"
 
     rig.run(script)
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "image_delay_s"),
+    [
+        (0.5, 0.3),
+        *(
+            pytest.param(speed_m_s, delay_s, marks=pytest.mark.long)
+            for speed_m_s in (0.2, 0.3, 0.5)
+            for delay_s in (0.05, 0.15, 0.3)
+        ),
+    ],
+)
+def test_new_paths_towards_a_wall_never_touch_it(
+    monkeypatch: pytest.MonkeyPatch, speed_m_s: float, image_delay_s: float
+) -> None:
+    """On a base with delays, from many distances; each answer comes 0.3 s after its image."""
+    rig = Rig(monkeypatch, speed_m_s, BaseDynamics(dead_time_s=0.05, motor_time_constant_s=0.08))
+    rig.image_delay_s = image_delay_s
+    nearest_m: list[float] = []
+
+    def script(rig: Rig) -> Iterator[float]:
+        for away_m in (0.9, 1.2, 1.9):
+            rig.wall_m = rig.pose.x_m + away_m
+            yield 1.0
+            blocks = 0
+            captured, _ = rig.observe()
+            for _ in range(40):
+                yield 0.3
+                blocks += bool(rig.follow(AHEAD, captured).blocked)
+                captured, _ = rig.observe()
+                if blocks > 4:
+                    break
+            assert blocks > 4
+            nearest_m.append(rig.wall_m - rig.pose.x_m - PROFILE.base.radius_m)
+
+    rig.run(script)
+    assert min(nearest_m) > 0.05
 
 
 def test_a_silent_camera_stops_the_robot_and_then_ends_the_motion(rig: Rig) -> None:
