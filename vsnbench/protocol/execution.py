@@ -10,7 +10,7 @@ from typing import Any, Final, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from vsnbench.errors import UsageError
-from vsnbench.values.movement import ActionKind
+from vsnbench.values.action import ActionKind
 
 STOP_AND_GO: Final = "stop_and_go"
 CONTINUOUS: Final = "continuous"

@@ -21,11 +21,11 @@ from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, StopRequest, StopRequests
 from vsnbench.sites.site import Site
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
-from vsnbench.values.movement import ActionKind, Movement, Pixel, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Movement, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

@@ -36,10 +36,11 @@ from vsnbench.robots.ros.start import (
 from vsnbench.robots.ros.watchdog import require_watchdog
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import ActionKind, Drive, Sidestep
+from vsnbench.values.movement import Drive, goes_sideways, is_watched
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -191,8 +192,9 @@ class RosRobot(Robot):
         With a watch, the depth images that arrive meanwhile are checked, and a blocked way ends the movement.
         """
         self._require_begun()
-        watched = None if isinstance(movement, Sidestep) else watch  # the camera does not look to the side
-        looks = self._looks_of(watched)
+        if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
+            return MotionResult(completed=False, failure="what moves the base executes no movement to the side")
+        looks = self._looks_of(watch if is_watched(movement) else None)
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 
     def _looks_of(self, watch: Watch | None) -> PathLooks | None:

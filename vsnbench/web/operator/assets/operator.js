@@ -248,7 +248,7 @@ for (const id of ["end", "finish-end"]) {
   at(id).addEventListener("click", async () => {
     await showSummary(at("summary"), state, null); // loaded now, because the server stops with the session
     const left = state.trials > state.done ? " The same command continues with the remaining trials." : "";
-    if (await askToConfirm(`End the session?${awaitingText()}${left}`)) answer("end");
+    if (await askToConfirm(`End the session?${await awaitingText()}${left}`)) answer("end");
   });
 }
 const stop = () => {
