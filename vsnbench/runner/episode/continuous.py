@@ -54,8 +54,8 @@ class _Answer:
 class ContinuousStepper(Stepper):
     """Takes the steps of one continuous episode; see `Stepper`.
 
-    Time passes on the robot's clock only in `Robot.advance`, also while the model thinks: for the declared latency, or
-    for as long as the model took.
+    In simulation time passes only in `Robot.advance`, also while the model thinks: for the declared latency, or for as
+    long as the model took. On a real robot an answer takes effect when it comes, and not before the declared latency.
     """
 
     def __init__(
@@ -71,6 +71,8 @@ class ContinuousStepper(Stepper):
         self._spent = Spent()
         self._before = start
         self._path_guard = PathGuard(robot.identity.profile, plan.parameters)
+        if robot.now_s() is not None:
+            stop.at_once = robot.halt
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
         """Take a step from a pose in the site; see `Stepper.take`.
@@ -112,7 +114,7 @@ class ContinuousStepper(Stepper):
         return step, reason
 
     def _ask(self) -> _Answer:
-        """Let the model answer the newest observation, without time passing on the robot's clock."""
+        """Let the model answer the newest observation."""
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)
@@ -123,11 +125,14 @@ class ContinuousStepper(Stepper):
         decision = self._decided(self._calls.act(seen, budget_left(self._so_far(), self._plan.parameters)))
         t2 = time.perf_counter()
         took_s = t2 - t1 if self._execution.latency_s is None else self._execution.latency_s
-        answered_s = observation.stamp_s + took_s
+        effect_s = answered_s = observation.stamp_s + took_s
+        if (now_s := self._robot.now_s()) is not None:  # time has passed
+            answered_s = now_s
+            effect_s = now_s if self._execution.latency_s is None else max(effect_s, now_s)
+            took_s = effect_s - observation.stamp_s
         stale = took_s > self._execution.max_answer_age_s
-        return _Answer(
-            observation, seen, decision, answered_s, answered_s, StepTimings(t1 - t0, t2 - t1, None), stale=stale
-        )
+        timings = StepTimings(t1 - t0, t2 - t1, None)
+        return _Answer(observation, seen, decision, answered_s, effect_s, timings, stale=stale)
 
     @staticmethod
     def _decided(decision: Decision) -> Decision:
@@ -234,6 +239,7 @@ class ContinuousStepper(Stepper):
             return
         try:
             if isinstance(error, Stopped):
+                self._robot.halt()
                 self._add(self._robot.interrupted_motion() or NOT_BEGUN)
             self._add(self._robot.come_to_rest())
             step, _ = self._step(time.perf_counter())
