@@ -6,6 +6,7 @@ from vsnbench.protocol.execution import KINDS_WHILE_DRIVING
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import is_profile
+from vsnbench.robots.registry import is_simulated
 from vsnbench.values.model.card import ModelCard
 
 
@@ -15,7 +16,7 @@ def check_simulated(parameters: ProtocolParameters, robot: str) -> None:
     Raises:
         UsageError: `not-simulated`.
     """
-    if parameters.execution is not None and is_profile(robot):
+    if parameters.execution is not None and is_profile(robot) and not is_simulated(robot):
         raise UsageError(
             f"--continuous is only for simulated robots so far, and robot {robot} is not simulated in this process",
             advice=f"use --robot simulated:{robot}, or leave --continuous out",
