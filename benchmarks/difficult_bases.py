@@ -25,7 +25,7 @@ from statistics import mean
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.sensing.stand import KINDS, Stand, Trial, movements, trial
+from tests.sensing.stand import KINDS, Trial, movements, stand_for, trial
 from vsnbench.values.robot_profile import BaseDynamics
 
 LATE = {"dead_time_s": 0.05, "motor_time_constant_s": 0.08}
@@ -76,7 +76,7 @@ def rows(drawn: int) -> Iterator[Row]:
 def measured(work: tuple[str, dict[str, float], str, int]) -> tuple[str, str, list[Trial]]:
     """Try one kind of movement on one base."""
     name, base, kind, count = work
-    stand = Stand(BaseDynamics(**base))
+    stand = stand_for(kind, BaseDynamics(**base))
     return name, kind, [trial(stand, kind, movement) for movement in movements(kind, count, seed=1)]
 
 

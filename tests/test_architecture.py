@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "vsnbench"
@@ -41,6 +42,12 @@ def test_every_console_is_the_one_that_sanitizes_text() -> None:
 def test_no_file_has_grown_into_two() -> None:
     lengths = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in PACKAGE.rglob("*.py")}
     assert {str(file): length for file, length in lengths.items() if length > 350 and file != ALONE} == {}
+
+
+def test_the_name_of_a_class_is_used_once() -> None:
+    texts = [file.read_text(encoding="utf-8") for file in PACKAGE.rglob("*.py") if file != ALONE]
+    names = Counter(name for text in texts for name in re.findall(r"^ *class (\w+)", text, re.MULTILINE))
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_no_module_imports_itself_through_others() -> None:

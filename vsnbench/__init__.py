@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vsnbench.robots.profiles import load_profile
     from vsnbench.settings.yaml_file import read_settings
     from vsnbench.sites.site import Site, StartingPosition
-    from vsnbench.values.action import Action
+    from vsnbench.values.action import Action, ActionKind
     from vsnbench.values.battery import Battery
     from vsnbench.values.camera import Camera
     from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from vsnbench.values.model.card import Anchor, ModelCard
     from vsnbench.values.model.trained_camera import TrainedCamera
     from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
-    from vsnbench.values.movement import ActionKind, Chunk, Move, Pixel, Sidestep, Trajectory, Velocity, Waypoint
+    from vsnbench.values.movement import Chunk, Move, Pixel, Sidestep, Trajectory, Velocity, Waypoint
     from vsnbench.values.observation import Budget, Observation, Sensor
     from vsnbench.values.pose import Pose
     from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
@@ -92,7 +92,7 @@ _NAMES = {
     "vsnbench.robots.profiles": ("load_profile",),
     "vsnbench.settings.yaml_file": ("read_settings",),
     "vsnbench.sites.site": ("Site", "StartingPosition"),
-    "vsnbench.values.action": ("Action",),
+    "vsnbench.values.action": ("Action", "ActionKind"),
     "vsnbench.values.battery": ("Battery",),
     "vsnbench.values.camera": ("Camera",),
     "vsnbench.values.decision": ("Box", "Decision", "Diagnostics", "GridMap"),
@@ -102,7 +102,6 @@ _NAMES = {
     "vsnbench.values.model.card": ("Anchor", "ModelCard"),
     "vsnbench.values.model.trained_camera": ("TrainedCamera",),
     "vsnbench.values.movement": (
-        "ActionKind",
         "Chunk",
         "Move",
         "Pixel",

@@ -97,6 +97,8 @@ def _velocities(base: Base, movement: dict) -> Iterator[tuple[float, float]]:
         case "trajectory":
             for point in [_point(start, *point) for point in movement["points"]]:
                 yield from _to(base, point)
+        case "velocity" if movement.get("lateral_m_s"):
+            raise _RefusedError("this robot does not move sideways")
         case "velocity":
             until_s = base.now_s + movement.get("duration_s", 1.0)
             while base.now_s < until_s:

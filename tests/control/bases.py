@@ -1,12 +1,15 @@
 """Simulated bases on a counted clock: exact, late, sluggish, weak or stuck."""
 
 import math
+import random
 from dataclasses import dataclass
 
 from vsnbench.control.command import Command, MotionStatus
 from vsnbench.control.controller import MotionController
 from vsnbench.control.leg import Leg
+from vsnbench.control.response import BaseResponse
 from vsnbench.control.settings import MotionSettings
+from vsnbench.control.standstill import StandstillNoise
 from vsnbench.values.pose import Pose
 
 FORWARD, BACKWARD = Leg(0.25), Leg(-0.25)
@@ -41,6 +44,8 @@ class BaseModel:
     """Heading error caused by driving straight."""
     quantum_rad: float = 0.0
     """Resolution of the reported heading."""
+    noise_rad: float = 0.0
+    """Standard deviation of the reported heading."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +74,15 @@ def move(
     settings: MotionSettings,
     start: Pose | None = None,
     target_heading_rad: float | None = None,
+    response: BaseResponse | None = None,
+    seed: int = 0,
 ) -> Motion:
-    """Drive a base with a controller to the end of a leg, and observe half a second of rest."""
+    """Drive a base with a controller to the end of a leg, and observe what it does in the time after it."""
+    chance = random.Random(seed)
     start = start if start is not None else Pose(0.0, 0.0, 0.0)
     target = leg.end_rad(start.heading_rad) if target_heading_rad is None else target_heading_rad
-    controller = MotionController(leg, start, target, settings)
+    noise = StandstillNoise(heading_rad=base.noise_rad)
+    controller = MotionController(leg, start, target, settings, noise, response=response)
     tick_s = 0.005
     every = max(round(settings.control_period_s / tick_s), 1)
     truth = [start]
@@ -81,7 +90,7 @@ def move(
     samples: list[Sample] = []
     linear = angular = 0.0
     command = Command()
-    ticks_left = 100
+    ticks_left = 200
     while ticks_left > 0:
         tick = len(truth) - 1
         now_s = tick * tick_s
@@ -91,6 +100,8 @@ def move(
             if base.quantum_rad:
                 rounded = round(seen.heading_rad / base.quantum_rad) * base.quantum_rad
                 seen = Pose(seen.x_m, seen.y_m, rounded)
+            if base.noise_rad:
+                seen = Pose(seen.x_m, seen.y_m, seen.heading_rad + chance.gauss(0.0, base.noise_rad))
             command = controller.step(seen, now_s, taken * base.odometry_period_s if base.stamped else None)
             samples.append(Sample(now_s, command, truth[-1]))
         commands.append(command)

@@ -12,6 +12,7 @@ from vsnbench.control.command import STANDSTILL, MotionStatus
 from vsnbench.control.controller import MotionController
 from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.leg import Leg
+from vsnbench.control.response import BaseResponse
 from vsnbench.control.settings import MotionSettings
 from vsnbench.values.pose import Pose
 
@@ -70,6 +71,14 @@ def test_a_late_or_inexact_base_still_ends_within_the_tolerance(base: str, leg: 
     assert motion.controller.done, motion.controller.failure
     assert motion.controller.corrections <= 2
     assert true_error(motion, leg) < 1
+
+
+def test_noisy_odometry_of_a_base_that_still_rolls_is_not_taken_for_its_end() -> None:
+    rolls = BaseModel(command_delay_s=0.1, sluggishness_s=0.2, noise_rad=math.radians(0.05))
+    known = BaseResponse(dead_time_s=0.105, lag_s=0.2, slowest_rad_s=0.19)
+    motions = [move(LEFT, rolls, PAPER, response=known, seed=seed) for seed in range(12)]
+    assert [motion.controller.failure for motion in motions] == [""] * len(motions)
+    assert max(true_error(motion, LEFT) for motion in motions) < 1
 
 
 @pytest.mark.parametrize("leg", MOTIONS)

@@ -121,6 +121,25 @@ def test_a_velocity_ends_at_rest_after_its_duration(linear_m_s: float, angular_r
     assert base.path_m >= 0.5 * abs(linear_m_s) * 1.5
 
 
+def test_a_waypoint_of_a_robot_with_wide_tolerances_is_not_turned_to_for_ever() -> None:
+    wide = MotionSettings(position_tolerance_m=0.04, heading_tolerance_rad=math.radians(4))
+    plan, at, legs = LegPlan(Waypoint(0.6, -0.3), START, wide), START, []
+    while (leg := plan.next(at)) is not None and len(legs) < 20:
+        legs.append(leg)
+        if leg.turns:  # ends 0.5° before its end, and rolls on by nothing
+            at = Pose(at.x_m, at.y_m, at.heading_rad + leg.way - math.copysign(math.radians(0.5), leg.way))
+        else:
+            at = Pose(*START.compose(Pose(0.59, -0.28)).position, at.heading_rad)
+    assert [leg.turns for leg in legs] == [True, False]
+    assert plan.failure == ""
+
+
+def test_a_robot_that_turns_in_vain_drives_after_two_turns() -> None:
+    plan = LegPlan(Waypoint(0.0, 1.0), START)
+    legs = [plan.next(START) for _ in range(3)]
+    assert [leg.turns for leg in legs if leg] == [True, True, False]
+
+
 @pytest.mark.parametrize(
     "movement", [Waypoint(2.0, 1.0), Trajectory(((1.0, 0.0), (2.0, 0.5))), Velocity(0.3, 0.0, 2.0)]
 )

@@ -22,7 +22,7 @@ ANSWERS = """from vsnbench import (
 RGB = frozenset({Sensor.RGB})
 ANSWERS = [
     Pixel(320.0, 475.0), Chunk((Action.TURN_LEFT, Waypoint(0.3, 0.0))), Waypoint(0.2, 0.1, 0.5),
-    Trajectory(((0.1, 0.0), (0.2, 0.1))), Velocity(0.1, 0.2, 0.5), Move(-0.2, 0.1), Sidestep(0.05),
+    Trajectory(((0.1, 0.0), (0.2, 0.1))), Velocity(0.1, 0.2, 0.5, 0.05), Move(-0.2, 0.1), Sidestep(0.05),
 ] + 12 * [Action.MOVE_BACKWARD]
 
 
@@ -96,7 +96,8 @@ def write_files(directory: Path) -> None:
     )
     profile = embedded_profiles()["turtlebot2"].read_text(encoding="utf-8")
     plain = profile.partition("\ninterface:")[0] + (
-        "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\ndynamics: {dead_time_s: 0.05, odometry_rate_hz: 20}\n"
+        "\ntolerances: {position_m: 0.01, turn_deg: 0.5}\n"
+        "dynamics: {dead_time_s: 0.05, odometry_rate_hz: 20, wheel_acceleration_m_s2: 2}\n"
     )
     wheels = "  track_m: 0.230\n  wheel_radius_m: 0.035\n"
     assert wheels in plain

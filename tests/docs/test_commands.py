@@ -74,6 +74,7 @@ def run_here(page: Path) -> list[str]:
 
 
 LONG_PAGES = {
+    "command-line.md": "tests/cli/running/test_run_pirlnav.py, tests/cli/running/test_run.py",
     "bundle.md": "tests/evidence/bundle/test_make.py, tests/cli/evidence/test_verify.py",
     "export.md": "tests/cli/results/test_export.py, tests/interop",
     "first-table.md": "tests/cli/results/test_report.py",

@@ -9,7 +9,12 @@ import vsnbench
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.report import frames
-from vsnbench.report.analysis.episodes_frame import COLUMNS
+from vsnbench.report.analysis import episodes_frame
+from vsnbench.report.analysis.episodes_frame import COLUMNS, read_report_data
+from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.fields import Fields
+from vsnbench.results.model import EPISODE, TABLE
+from vsnbench.results.schema.migrate import open_record
 from vsnbench.values.action import Action
 
 KEY = ["episode_id", "number"]
@@ -28,6 +33,20 @@ def test_episodes_are_rows_with_their_condition(lab: Lab) -> None:
     assert list(episodes.columns) == [*COLUMNS, "model", "weights_label", "robot", "environment", "site"]
     assert episodes["state"].tolist() == ["void", "counted", "counted", "counted"]
     assert set(episodes["model"]) == {"vlv"}
+
+
+def test_a_table_can_also_have_what_belongs_to_the_campaign_or_is_decoded(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.write([Attempt()], model="oracle", seed=9)
+    wanted = Fields((*TABLE, *EPISODE.only("model", "execution", "counts")))
+    monkeypatch.setattr(episodes_frame, "_OF_RECORD", wanted)
+    with open_record(sqlite_url(lab.directory / "vsnbench.db")) as engine:
+        columns = read_report_data(engine).columns
+    assert columns.model.tolist() == ["vlv", "vlv", "vlv", "vlv", "oracle"]
+    assert columns.execution.tolist() == ["stop_and_go"] * 5
+    assert columns.counts.tolist() == [False, True, True, True, True]
+    assert [quantity.name for quantity in TABLE if len(quantity.sql) != 1] == ["duration_s"]  # hidden by the report
 
 
 def test_steps_are_rows_in_their_order(lab: Lab) -> None:

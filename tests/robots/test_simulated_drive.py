@@ -71,6 +71,19 @@ def test_a_sidestep_ends_beside_the_start_and_at_a_wall_in_a_collision() -> None
     assert robot.locate().pose.y_m < 3.0 - LEGGED.base.radius_m
 
 
+def test_a_velocity_to_the_side_is_driven_on_legs_and_refused_on_wheels() -> None:
+    robot = SimulatedRobot(ROOM, LEGGED)
+    robot.begin(StartingPosition(number=1, position=(0.0, 0.0), heading_deg=0.0), 1)
+    result = robot.drive(Velocity(0.0, 0.0, 2.0, 0.2), guard_of(robot))
+    assert (result.completed, result.failure) == (True, "")
+    pose = robot.locate().pose
+    assert (pose.x_m, 0.2 < pose.y_m < 0.4) == (pytest.approx(0.0, abs=0.01), True)
+    on_wheels = robot_at(0.0)
+    result = on_wheels.drive(Velocity(0.1, 0.0, 1.0, 0.2), guard_of(on_wheels))
+    assert "max_lateral_m_s" in result.failure
+    assert on_wheels.locate().pose.distance_to(Pose(0.0, 0.0)) < 0.01
+
+
 @pytest.mark.parametrize("speed_m_s", [0.2, 0.3, 0.5])
 @pytest.mark.parametrize("movement", [Waypoint(4.0, 0.0), Trajectory(((2.0, 0.0), (4.0, 0.1)))])
 def test_a_wall_ahead_stops_a_movement_before_it_is_touched(movement: Drive, speed_m_s: float) -> None:

@@ -214,3 +214,8 @@ _MADE: dict[str, Callable[[random.Random], Drive]] = {
     "sidestep": lambda choice: Sidestep(choice.choice([-1, 1]) * choice.choice([0.1, 0.25, 0.25, 0.5, 1.0])),
 }
 KINDS = tuple(_MADE)
+
+
+def stand_for(kind: str, dynamics: BaseDynamics = IDEAL_BASE) -> Stand:
+    """Return a stand whose base can make a kind of movement."""
+    return Stand(dynamics, profile=LEGGED if kind == "sidestep" else PROFILE)

@@ -11,7 +11,7 @@ from statistics import mean
 
 import pytest
 
-from tests.sensing.stand import KINDS, LEGGED, PROFILE, SETTINGS, Stand, Trial, held, movements, trial
+from tests.sensing.stand import KINDS, LEGGED, PROFILE, SETTINGS, Stand, Trial, held, movements, stand_for, trial
 from vsnbench.control.command import Command
 from vsnbench.control.law import turn_error_rad
 from vsnbench.control.settings import MotionSettings
@@ -48,10 +48,6 @@ class Recording(Stand):
     def hear(self, command: Command) -> None:
         self.commands.append(command)
         super().hear(command)
-
-
-def stand_for(kind: str, dynamics: BaseDynamics = IDEAL_BASE) -> Stand:
-    return Stand(dynamics, profile=LEGGED if kind == "sidestep" else PROFILE)
 
 
 @cache
@@ -126,6 +122,33 @@ def test_a_base_on_two_wheels_refuses_a_sidestep_without_moving() -> None:
     assert not result.completed
     assert "max_lateral_m_s" in result.failure
     assert stand.base.pose.distance_to(before) < 1e-6
+
+
+@pytest.mark.parametrize("dynamics", [IDEAL_BASE, LATE.model_copy(update={"creep": 0.02, "crab": 0.02})])
+def test_a_velocity_to_the_side_goes_where_it_says(dynamics: BaseDynamics) -> None:
+    stand = Recording(dynamics, profile=LEGGED)
+    before = stand.base.pose
+    result = stand.drive(Velocity(0.2, 0.0, 2.0, -0.1))
+    assert result.completed, result.failure
+    moved = stand.base.pose.relative_to(before)
+    assert moved.y_m / moved.x_m == pytest.approx(-0.5, abs=0.04)
+    assert 0.25 < moved.x_m <= 0.4
+    assert max(abs(command.lateral_m_s) for command in stand.commands) == pytest.approx(0.1)
+
+
+def test_a_base_on_two_wheels_refuses_a_velocity_to_the_side_without_moving() -> None:
+    stand = Recording()
+    result = stand.drive(Velocity(0.2, 0.0, 1.0, 0.1))
+    assert (result.completed, "max_lateral_m_s" in result.failure) == (False, True)
+    assert {command.linear_m_s for command in stand.commands} <= {0.0}
+
+
+def test_a_short_velocity_keeps_the_acceleration_of_a_base_that_states_one() -> None:
+    base = PROFILE.base.model_copy(update={"max_acceleration_m_s2": 0.1})
+    for profile, fastest_m_s in ((PROFILE.model_copy(update={"base": base}), 0.1 * 0.75), (PROFILE, 0.2)):
+        stand = Recording(profile=profile)
+        assert stand.drive(Velocity(0.2, 0.0, 1.5)).completed
+        assert max(command.linear_m_s for command in stand.commands) == pytest.approx(fastest_m_s, abs=0.005)
 
 
 def test_a_velocity_ends_at_rest_on_a_noisy_base() -> None:

@@ -7,12 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.movement import (
     MAX_PARTS,
-    ActionKind,
     Chunk,
     Move,
     Movement,
@@ -24,6 +23,7 @@ from vsnbench.values.movement import (
     movement_from_json,
     movement_text,
     movement_to_json,
+    reach_m,
 )
 
 METRES = st.floats(-3, 3)
@@ -63,6 +63,8 @@ def test_a_chunk_is_a_decision_of_several_parts() -> None:
         Velocity(9_000.0, 0.0, 1.0),
         Velocity(0.2, 0.0, 3600.0),
         Velocity(0.2, 0.0, 0.0),
+        Velocity(0.2, 0.0, 1.0, math.nan),
+        Velocity(0.2, 0.0, 1.0, 11.0),
         Move(0.0, 1e9),
         Trajectory(((1.0, 0.0),)),
         Trajectory(tuple((float(k), 0.0) for k in range(12))),
@@ -107,3 +109,16 @@ def test_an_action_that_does_not_fit_its_movement_is_refused() -> None:
 def test_json_that_is_not_a_movement_is_refused(content: object) -> None:
     with pytest.raises(ValueError, match=r"movement|finite|convert"):
         movement_from_json(content)  # type: ignore[arg-type]
+
+
+def test_a_velocity_without_a_part_to_the_side_is_written_as_before() -> None:
+    assert movement_to_json(Velocity(0.2, 0.1)) == {
+        "kind": "velocity",
+        "linear_m_s": 0.2,
+        "angular_rad_s": 0.1,
+        "duration_s": 1.0,
+    }
+    aside = Velocity(0.3, 0.0, 2.0, -0.4)
+    assert movement_from_json(movement_to_json(aside)) == aside
+    assert reach_m(aside) == pytest.approx(1.0)
+    assert movement_text(aside) == "0.30 m/s, 0.40 m/s to the right, 0°/s for 2.0 s"

@@ -308,6 +308,11 @@ class PhoneOperators:
 
     def _finish(self, phone: Phone, screen: Screen) -> None:
         phone.press("#finish-end")
+        phone.page.wait_for_selector("#dialog[open]")
+        if "a judgement" in phone.page.inner_text("#dialog-text"):  # before the list showed it
+            phone.press("#dialog [value=no]")
+            wait_until(lambda: phone.screen().unjudged or phone.page.wait_for_timeout(30), "the list shows it")
+            return
         phone.press("#dialog [value=yes]")
         wait_until(lambda: self.study.code is not None or phone.page.wait_for_timeout(50), "the session ends")
 

@@ -25,6 +25,11 @@ class Command:
     lateral_m_s: float = 0.0
 
     @property
+    def speed_m_s(self) -> float:
+        """Speed over the floor, not negative."""
+        return math.hypot(self.linear_m_s, self.lateral_m_s) if self.lateral_m_s else abs(self.linear_m_s)
+
+    @property
     def turned_left(self) -> "Command":
         """The command to a base of a velocity in the frame of a robot that faces to the left of it."""
         return Command(-self.lateral_m_s, self.angular_rad_s, self.linear_m_s)

@@ -106,6 +106,7 @@ class MotionController(Controller):
         self._still_since: _Mark | None = None
         self._commands: list[_Mark] = []
         self._window: RestWindow | None = None
+        self._rolled_s = -math.inf
         self._smoothing: RemainingFilter | None = None
         self._way = abs(leg.way)
         self._sign = 1 if leg.way > 0 else -1
@@ -140,7 +141,7 @@ class MotionController(Controller):
     @property
     def rest_since_s(self) -> float:
         """Time since when the base has been at rest, if noisy readings were averaged; infinity otherwise."""
-        return self._window.since_s if self._window is not None else math.inf
+        return max(self._window.since_s, self._rolled_s) if self._window is not None else math.inf
 
     @property
     def slowest(self) -> float:
@@ -197,13 +198,15 @@ class MotionController(Controller):
     def _next(self, pose: Pose, left: float, now_s: float, stamp_s: float, period_s: float) -> Command:
         """Return the next command of the phase, or change the phase; `left` is the error at `pose`."""
         if self._phase is _SETTLE:
-            if self._window is not None:
-                self._judge_by_window(self._window, pose, left, now_s, stamp_s)
-            elif not self._settled(left, now_s, stamp_s):
+            if self._window is None and not self._settled(left, now_s, stamp_s):
                 return STANDSTILL
-            else:
-                coming = self._along(*self._sent.pending(now_s, stamp_s)) if self._knows_response else 0.0
+            coming = self._along(*self._sent.pending(now_s, stamp_s)) if self._knows_response else 0.0
+            if self._window is None:
                 self._judge(pose, left - coming, now_s)
+            else:
+                if abs(coming) > STILL_SHARE * self._tolerance:
+                    self._rolled_s = stamp_s
+                self._judge_by_window(self._window, pose, left - coming, now_s, stamp_s)
             if self.status is not _MOVING or self._phase is _SETTLE:
                 return STANDSTILL
         pending: tuple[float, float] | None = None
@@ -283,7 +286,10 @@ class MotionController(Controller):
         return abs(self._along(*self._sent.pending(now_s, stamp_s))) <= STILL_SHARE * self._tolerance
 
     def _judge_by_window(self, window: RestWindow, pose: Pose, left: float, now_s: float, stamp_s: float) -> None:
-        """At rest with noisy odometry: accept by mean and bound, correct, continue to read, or fail."""
+        """With noisy odometry: accept by mean and bound, correct, continue to read, or fail.
+
+        A base with a lag still rolls while the window begins: `left` is what will be left at rest.
+        """
         estimate = window.add(left, stamp_s)
         if estimate is not None and estimate.within(self._tolerance):
             self.status = MotionStatus.DONE

@@ -32,7 +32,7 @@ class Leg:
     def translates(self) -> bool:
         """Whether the robot leaves its position."""
         if self.velocity is not None:
-            return self.velocity.linear_m_s != 0.0
+            return self.velocity.speed_m_s != 0.0
         return not self.turns
 
     @property

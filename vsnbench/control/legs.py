@@ -14,21 +14,28 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import DRIVE_SHARE
 from vsnbench.control.standstill import QUIET, StandstillNoise
 from vsnbench.control.velocity_controller import VelocityController
-from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Velocity, Waypoint, goes_sideways
 from vsnbench.values.pose import Pose
 
 ARRIVED_M = 0.012
-"""A point nearer than this is reached: turning towards it would cost more accuracy than it gains."""
+"""A point nearer than this is reached: turning towards it would cost more accuracy than it gains. A robot with a wider
+tolerance reaches it within that tolerance."""
 MISSED_M = 0.015
 """A point farther than this at the end, by the odometry at rest, was not reached."""
 _ALIGNED_RAD = math.radians(0.3)
 """A smaller difference of headings needs no turn; the straight leg corrects it."""
+_REST_FACTOR = 1.25
+"""A difference below this multiple of the robot's tolerance at the end of a leg comes from rolling to rest: another leg
+would end at once."""
+_TURNS = 2
+"""Largest number of turns before a straight leg, which steers as well."""
 _FACED_RAD = math.radians(0.1)
 """A requested heading is reached below this difference (paper, Section 3.1.3)."""
 _FACING_RAD = math.radians(5)
 """A smaller difference from the direction at the end of a path needs no turn."""
 _SHORT_M = 0.15
 """Largest remainder that is driven backwards if the point lies behind: the robot has just come from there."""
+_PAPERS = MotionSettings()
 _CORRECTIONS = 3
 """Largest number of times that a missed point is approached again."""
 
@@ -38,12 +45,21 @@ class LegPlan:
 
     Each leg is planned from where the leg before it ended.
 
+    Args:
+        movement: the movement.
+        start: odometry at its begin.
+        settings: settings of the robot, for its tolerances.
+
     Attributes:
         failure: why the movement did not reach its end although every leg was done, or an empty string.
     """
 
-    def __init__(self, movement: Drive, start: Pose) -> None:
+    def __init__(self, movement: Drive, start: Pose, settings: MotionSettings = _PAPERS) -> None:
         self.failure = ""
+        self._arrived_m = max(ARRIVED_M, settings.position_tolerance_m)
+        self._missed_m = max(MISSED_M, _REST_FACTOR * settings.position_tolerance_m)
+        is_wide = settings.heading_tolerance_rad > _FACED_RAD
+        self._least_turn_rad = _REST_FACTOR * settings.heading_tolerance_rad if is_wide else 0.0
         self._pose = start
         self._legs = self._planned(movement, start)
 
@@ -85,7 +101,7 @@ class LegPlan:
     def _face(self, heading_rad: float, aligned_rad: float) -> Iterator[Leg]:
         """Turn to an absolute heading, unless the difference is small."""
         error_rad = turn_error_rad(heading_rad, self._pose.heading_rad)
-        if abs(error_rad) > aligned_rad:
+        if abs(error_rad) > max(aligned_rad, self._least_turn_rad):
             yield Leg(error_rad, heading_rad, turns=True, tolerance_rad=0.2 * aligned_rad)
 
     def _straight(self, distance_m: float, heading_rad: float) -> Leg:
@@ -100,16 +116,17 @@ class LegPlan:
             point: the point.
             approaches: straight legs to the point so far.
         """
-        while self._away_m(point) >= ARRIVED_M and approaches <= _CORRECTIONS:
-            leg = self._leg_to(point, is_correction=approaches > 0)
-            approaches += not leg.turns
+        turns = 0
+        while self._away_m(point) >= self._arrived_m and approaches <= _CORRECTIONS:
+            leg = self._leg_to(point, is_correction=approaches > 0, may_turn=turns < _TURNS)
+            approaches, turns = (approaches, turns + 1) if leg.turns else (approaches + 1, 0)
             yield leg
         self._require_arrival(point)
 
     def _step_aside(self, point: tuple[float, float], heading_rad: float) -> Iterator[Leg]:
         """Move sideways to a point, then correct along the axis with the larger error, and face the heading."""
         for _ in range(_CORRECTIONS + 1):
-            if self._away_m(point) < ARRIVED_M:
+            if self._away_m(point) < self._arrived_m:
                 break
             off = Pose(*point).relative_to(Pose(*self._pose.position, heading_rad))
             is_lateral = abs(off.y_m) >= abs(off.x_m)
@@ -119,13 +136,13 @@ class LegPlan:
             yield from self._face(heading_rad, _FACED_RAD)
 
     def _require_arrival(self, point: tuple[float, float]) -> None:
-        if (off_m := self._away_m(point)) > MISSED_M:
+        if (off_m := self._away_m(point)) > self._missed_m:
             self.failure = f"ended {off_m * 1000:.0f} mm from the requested point, after {_CORRECTIONS} corrections"
 
     def _away_m(self, point: tuple[float, float]) -> float:
         return math.hypot(point[0] - self._pose.x_m, point[1] - self._pose.y_m)
 
-    def _leg_to(self, point: tuple[float, float], *, is_correction: bool) -> Leg:
+    def _leg_to(self, point: tuple[float, float], *, is_correction: bool, may_turn: bool) -> Leg:
         """Return a turn towards a point, or a straight leg to it; a small remainder behind the robot is reversed."""
         pose, distance_m = self._pose, self._away_m(point)
         bearing_rad = math.atan2(point[1] - pose.y_m, point[0] - pose.x_m)
@@ -135,11 +152,19 @@ class LegPlan:
         if is_short and abs(error_rad) > math.pi / 2:
             sign, error_rad = -1.0, turn_error_rad(bearing_rad + math.pi, pose.heading_rad)
         # The heading matters only as far as it moves the end of the leg.
-        aligned_rad = math.asin(min(0.5 * ARRIVED_M / distance_m, 1.0)) if is_short else _ALIGNED_RAD
-        if abs(error_rad) > aligned_rad:
+        aligned_rad = math.asin(min(0.5 * self._arrived_m / distance_m, 1.0)) if is_short else _ALIGNED_RAD
+        aligned_rad = max(aligned_rad, self._least_turn_rad)
+        if may_turn and abs(error_rad) > aligned_rad:
             return Leg(error_rad, pose.heading_rad + error_rad, turns=True, tolerance_rad=aligned_rad)
         way_m = distance_m * math.cos(error_rad) if is_short else distance_m
         return Leg(sign * way_m, pose.heading_rad + (0.0 if is_short else error_rad), target=point)
+
+
+def refusal(movement: Drive, settings: MotionSettings) -> str:
+    """Return why a base cannot execute a movement, or an empty string."""
+    if goes_sideways(movement) and not settings.lateral_m_s:
+        return "the base cannot move sideways: its profile has no base.max_lateral_m_s"
+    return ""
 
 
 def length_m(points: Sequence[tuple[float, float]]) -> float:

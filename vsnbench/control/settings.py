@@ -42,6 +42,9 @@ class MotionSettings(BaseModel):
     latency_s: float = Field(default=0.0, ge=0, le=1, description="dead time of odometry, until it is measured")
     settle_s: float = Field(default=0.06, gt=0, le=5, description="the pose must not change for this long")
     heading_gain_per_s: float = Field(default=3.0, ge=0, le=20, description="how hard a move holds its heading")
+    ramps_are_limits: bool = Field(
+        default=False, description="whether the base follows no steeper ramps than an action has"
+    )
 
     @classmethod
     def for_robot(cls, profile: RobotProfile, parameters: ProtocolParameters | None = None) -> Self:
@@ -66,6 +69,7 @@ class MotionSettings(BaseModel):
             latency_s=base.dead_time_s or 0.0,
             acceleration_share=profile.speeds.acceleration_share,
             deceleration_share=profile.speeds.acceleration_share,
+            ramps_are_limits=bool(base.max_acceleration_m_s2 or base.max_acceleration_rad_s2),
             **_tolerances(profile),
             # More than two new readings: slow odometry repeats its value while the robot still rolls.
             settle_s=max(0.06, 2.5 / profile.base.odometry_rate_hz),
@@ -87,6 +91,7 @@ class MotionSettings(BaseModel):
             velocity,
             linear_m_s=velocity.linear_m_s if abs(velocity.linear_m_s) >= self.slowest_m_s else 0.0,
             angular_rad_s=velocity.angular_rad_s if abs(velocity.angular_rad_s) >= self.slowest_rad_s else 0.0,
+            lateral_m_s=velocity.lateral_m_s if abs(velocity.lateral_m_s) >= self.slowest_lateral_m_s else 0.0,
         )
 
     def cruise(self, *, turns: bool) -> float:

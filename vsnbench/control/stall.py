@@ -14,7 +14,7 @@ _HOPS = 10
 """Number of marks per window; a stall is detected this share of the window late at most."""
 
 
-class _Mark(NamedTuple):
+class _Reached(NamedTuple):
     at_s: float
     covered: complex
     commanded: float
@@ -31,7 +31,7 @@ class StallMonitor:
     def __init__(self, stall_s: float, least: float) -> None:
         self._stall_s = stall_s
         self._least = least
-        self._marks: deque[_Mark] = deque()
+        self._marks: deque[_Reached] = deque()
         self.due_s = -math.inf
         """Time of the next comparison; earlier calls of `is_stuck` are not needed."""
 
@@ -51,7 +51,7 @@ class StallMonitor:
         if now_s < self.due_s:
             return False
         self.due_s = now_s + self._stall_s / _HOPS
-        self._marks.append(_Mark(now_s, covered, commanded))
+        self._marks.append(_Reached(now_s, covered, commanded))
         while len(self._marks) > 2 and now_s - self._marks[1].at_s >= self._stall_s - 1e-6:
             self._marks.popleft()
         first = self._marks[0]

@@ -22,8 +22,9 @@ _SETTLE_LIMIT_S = 3.0
 class VelocityController(Controller):
     """Holds a velocity within the limits of the base; the ramps are part of the duration.
 
-    The ramps use the acceleration of a discrete action. The base is done when the time is over and it is at rest. The
-    parts of it are `MotionSettings.executable`; ramps begin and end at the slowest velocity of the base.
+    The ramps use the acceleration of a discrete action, or a higher one if the duration is shorter than they are; a
+    base that cannot follow a higher one does not reach the velocity then. The base is done when the time is over and
+    it is at rest. Its parts are `MotionSettings.executable`; ramps begin and end at the slowest velocity of the base.
     """
 
     def __init__(
@@ -40,18 +41,20 @@ class VelocityController(Controller):
         self._commanded_m = self._commanded_rad = 0.0
         self._covered_m = self._covered_rad = 0.0
         self._stalls = StallMonitor(settings.stall_s, _STALL_M), StallMonitor(settings.stall_s, _STALL_RAD)
-        linear_m_s, angular_rad_s = abs(velocity.linear_m_s), abs(velocity.angular_rad_s)
-        rise_s = max(
-            _rise_s(linear_m_s, settings.linear_m_s, settings.acceleration_share * settings.forward_m),
+        angular_rad_s, forward_m = abs(velocity.angular_rad_s), settings.acceleration_share * settings.forward_m
+        rises_s = [
+            _rise_s(abs(velocity.linear_m_s), settings.linear_m_s, forward_m),
             _rise_s(angular_rad_s, settings.angular_rad_s, settings.acceleration_share * settings.turn_rad),
-        )
-        self._rise_s = min(rise_s, velocity.duration_s / 2)
+        ]
+        if velocity.lateral_m_s:
+            rises_s.append(_rise_s(abs(velocity.lateral_m_s), settings.lateral_m_s, forward_m))
+        self._rise_s = max(rises_s) if settings.ramps_are_limits else min(max(rises_s), velocity.duration_s / 2)
 
     @property
     def remaining_m(self) -> float:
         """Distance that the velocity still covers."""
         left_s = max(self._velocity.duration_s - self.duration_s, 0.0)
-        return abs(self._velocity.linear_m_s) * left_s
+        return self._velocity.speed_m_s * left_s
 
     @property
     def rest_since_s(self) -> float:
@@ -82,12 +85,13 @@ class VelocityController(Controller):
                 self._is_ending = True
                 self._rest.begin(now_s + self._settings.settle_s)
             return self._settle(pose, stamp_s)
+        wanted = self._velocity
         command = self._settings.sendable(
-            Command(share * self._velocity.linear_m_s, share * self._velocity.angular_rad_s)
+            Command(share * wanted.linear_m_s, share * wanted.angular_rad_s, share * wanted.lateral_m_s)
         )
         period_s = now_s - self._last_s
         self._last_s = now_s
-        self._commanded_m += abs(command.linear_m_s) * period_s
+        self._commanded_m += command.speed_m_s * period_s
         self._commanded_rad += abs(command.angular_rad_s) * period_s
         return command
 

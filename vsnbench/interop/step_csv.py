@@ -5,13 +5,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from vsnbench.files.atomic import atomic_file
-from vsnbench.results.model import EPISODE, Episode
+from vsnbench.results.model import STEPS_TABLE, Episode
 from vsnbench.results.step_fields import STEP
 from vsnbench.values.step import StepRecord
 
-OF_EPISODE = EPISODE.only(
-    *("id", "model", "robot", "simulated", "site", "goal", "start", "repetition", "end_reason", "success", "counts")
-)
 OF_STEP = STEP.but("movement", "part", "probabilities", "details")
 """Quantities of a step that fit into cells of a table."""
 
@@ -29,9 +26,9 @@ def write_steps(
     written = 0
     with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([*OF_EPISODE.headings(), *OF_STEP.headings()])
+        writer.writerow([*STEPS_TABLE.headings(), *OF_STEP.headings()])
         for episode in episodes:
-            about = OF_EPISODE.cells(episode)
+            about = STEPS_TABLE.cells(episode)
             for step in steps_of(episode):
                 writer.writerow([*about, *OF_STEP.cells(step)])
                 written += 1

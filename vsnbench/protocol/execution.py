@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from vsnbench.errors import UsageError
-from vsnbench.values.movement import ActionKind
+from vsnbench.values.action import ActionKind
 
 STOP_AND_GO: Final = "stop_and_go"
 CONTINUOUS: Final = "continuous"

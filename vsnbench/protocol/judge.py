@@ -57,6 +57,12 @@ class EndReason(StrEnum):
         return self in (EndReason.STEP_LIMIT, EndReason.TIME_LIMIT, EndReason.PATH_LIMIT)
 
 
+ROBOT_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
+"""Void because of the robot: a real one stays where it failed, and a person must move it."""
+MODEL_FAILURES = (EndReason.MODEL_ERROR, EndReason.MODEL_LOST)
+"""Void because of the model; the robot and other models are not affected. Their texts are from the model."""
+
+
 @dataclass(frozen=True, slots=True)
 class GoalDistance:
     """Distance to the footprint of the nearest target, with its source."""

@@ -290,6 +290,28 @@ class Campaign:
 
 
 EPISODE = fields_of(Episode)
+"""JSON has all of these. What a table or a page has of them is chosen in the lists below, in their order."""
+TABLE = EPISODE.only(
+    *("id", "campaign_id", "goal", "start", "repetition", "state", "end_reason", "success", "actions", "path_m"),
+    *("shortest_m", "remaining_m", "distance_m", "goal_in_sight", "duration_s", "thinking_s", "wall_duration_s"),
+    *("started_at", "ended_at", "images_directory"),
+)
+"""Columns of `export episodes` and of `Results.episodes` in Python, which also have computed ones.
+
+Each is read from one SQL expression; `duration_s` from its first, the report itself hides it.
+"""
+STEPS_TABLE = EPISODE.only(
+    *("id", "model", "robot", "simulated", "site", "goal", "start", "repetition", "end_reason", "success", "counts"),
+)
+"""Columns of `export csv` about the episode of a step."""
+ROW = EPISODE.only(
+    *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "start", "repetition", "outcome"),
+    *("end_reason", "counts", "state", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at"),
+    *("images_directory", "disturbances", "tags"),
+)
+"""What the list of the results browser has of each episode; its scripts give each a place."""
+FACTS = EPISODE.only("goal_text")
+"""Further lines of an episode's page in the results browser, each with its name, unless empty or unknown."""
 EPISODE_RECORD = fields_of(EpisodeRecord)
 PROVENANCE = fields_of(EpisodeProvenance)
 CAMPAIGN = fields_of(Campaign)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from vsnbench.control.command import STANDSTILL, Command, Controller, MotionStatus
 from vsnbench.control.leg import Leg
-from vsnbench.control.legs import LegPlan, controller_of
+from vsnbench.control.legs import LegPlan, controller_of, refusal
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -24,10 +24,11 @@ from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading
+from vsnbench.values.movement import STOP, Drive, holds_heading
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
@@ -138,7 +139,9 @@ class SimulatedRobot(Robot):
         self._motion = motion = _Motion(movement, self._odometry, self._physics.time_s)
         if self._mover is not None:
             return self._driven(self._mover, motion, watch)
-        plan = LegPlan(movement, self._odometry)
+        if refused := refusal(movement, self.settings):
+            return self._measured(motion, MotionResult(completed=False, failure=refused))
+        plan = LegPlan(movement, self._odometry, self.settings)
         controller, touch, blocked = None, None, ""
         while (leg := plan.next(self._odometry)) is not None:
             end_rad = leg.end_rad(self._target_heading_rad)
@@ -152,16 +155,14 @@ class SimulatedRobot(Robot):
             if not controller.done:
                 break
         failure = "" if blocked else plan.failure if controller is None else controller.failure or plan.failure
-        return self._measured(
-            motion,
-            MotionResult(
-                completed=not failure and not blocked,
-                collision=self._collision(touch),
-                failure=failure,
-                corrections=0 if controller is None else controller.corrections,
-                blocked=blocked,
-            ),
+        result = MotionResult(
+            completed=not failure and not blocked,
+            collision=self._collision(touch),
+            failure=failure,
+            corrections=0 if controller is None else controller.corrections,
+            blocked=blocked,
         )
+        return self._measured(motion, result)
 
     def _drive_leg(
         self, leg: Leg, controller: Controller, motion: _Motion, watch: Watch | None

@@ -16,7 +16,7 @@ from vsnbench.control.command import STANDSTILL, Command, MotionStatus
 from vsnbench.control.controller import MotionController
 from vsnbench.control.held_heading import HeldHeading
 from vsnbench.control.leg import Leg
-from vsnbench.control.legs import LegPlan, controller_of, longest_duration_s
+from vsnbench.control.legs import LegPlan, controller_of, longest_duration_s, refusal
 from vsnbench.control.response import ResponseMeter
 from vsnbench.control.settings import MotionSettings
 from vsnbench.control.standstill import is_quiet, noise_words, too_noisy
@@ -25,7 +25,7 @@ from vsnbench.sensing.mover_senses import MoverSenses
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import STOP, Drive, Sidestep, holds_heading, movement_text
+from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
 from vsnbench.values.pose import Pose
 
 _SETTLING_READINGS = 2.5
@@ -141,8 +141,8 @@ class Mover:
             caller_gone: returns whether the caller has disconnected, which ends the movement.
             timeout_s: longest duration, if it is shorter than `longest_duration_s`.
         """
-        if isinstance(movement, Sidestep) and not self._settings.lateral_m_s:
-            return _failed("the base cannot move sideways: its profile has no base.max_lateral_m_s")
+        if refused := refusal(movement, self._settings):
+            return _failed(refused)
         holds = holds_heading(movement)
         if not holds:
             timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
@@ -177,7 +177,7 @@ class Mover:
                 pose = None if latest is None else self._rest.mean(latest.pose)
             if pose is None:
                 return _failed("no odometry: check the driver of the base", sensor_lost=True)
-            plan = plan or LegPlan(movement, pose)
+            plan = plan or LegPlan(movement, pose, self._settings)
             leg = plan.next(pose)
             if leg is None:
                 return MotionResult(not plan.failure, failure=plan.failure, corrections=corrections)

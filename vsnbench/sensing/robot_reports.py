@@ -55,6 +55,8 @@ class RobotSnapshot:
     depths: tuple[Stamped[Any], ...] = ()
     labels: tuple[Stamped[Any], ...] = ()
     """Instance images of a simulator."""
+    received: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    """Number of messages so far, by the field that they fill: `readings`, `colors`, `depths`, `labels`."""
     calibrations: Mapping[str, Calibration] = field(default_factory=lambda: MappingProxyType({}))
     """Calibration by topic of the images; None for an uncalibrated camera_info."""
     categories: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -156,11 +158,11 @@ class RobotReports:
         arrival_s = time.monotonic()
 
         def changes(now: RobotSnapshot) -> dict[str, Any]:
-            sources = _sources(now, topic, source)
+            heard = {"sources": _sources(now, topic, source), "received": _counted(now, "readings")}
             fault = self._tracker.add(*pose, stamp_s, arrival_s)
             if fault is not None:
-                return {"sources": sources, "odometry_fault": fault}
-            return {"sources": sources, "readings": (*now.readings, self._tracker.latest)[-self._max_readings :]}
+                return heard | {"odometry_fault": fault}
+            return heard | {"readings": (*now.readings, self._tracker.latest)[-self._max_readings :]}
 
         self._update(changes)
 
@@ -193,7 +195,11 @@ class RobotReports:
         """
         image = Stamped(message, stamp_s, time.monotonic())
         self._update(
-            lambda now: {field: (*getattr(now, field), image)[-capacity:], "sources": _sources(now, topic, source)}
+            lambda now: {
+                field: (*getattr(now, field), image)[-capacity:],
+                "sources": _sources(now, topic, source),
+                "received": _counted(now, field),
+            }
         )
 
     def take_camera_info(self, image_topic: str, info: Any) -> None:
@@ -280,6 +286,10 @@ class RobotReports:
         with self._changed:
             self._snapshot = replace(self._snapshot, **changes(self._snapshot))
             self._changed.notify_all()
+
+
+def _counted(now: RobotSnapshot, field: str) -> Mapping[str, int]:
+    return MappingProxyType({**now.received, field: now.received.get(field, 0) + 1})
 
 
 def _sources(now: RobotSnapshot, topic: str, source: str) -> MappingProxyType[tuple[str, str], float]:

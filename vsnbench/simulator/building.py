@@ -33,7 +33,7 @@ _SKIN = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class _Opening:
+class _Gap:
     start: float
     end: float
     bottom: float
@@ -204,12 +204,12 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
     half = run.half
     height = site.ceiling_height_m if wall.height_m is None else min(wall.height_m, site.ceiling_height_m)
     material = _PLASTER if wall.color is None else replace(_PLASTER, color=rgb(wall.color))
-    openings: list[_Opening] = []
+    openings: list[_Gap] = []
     for door in site.doors:
         at = run.place(site, door)
         if at is not None:
             top = min(door.height_m, height)
-            openings.append(_Opening(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
+            openings.append(_Gap(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
             yield from _door_frame(run, at, top)
             if door.closed:
                 yield from _leaf(run, door, at, top)
@@ -217,7 +217,7 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
         at = run.place(site, window)
         if at is not None and window.sill_m < height:
             head = min(window.head_m, height)
-            openings.append(_Opening(*at, window.sill_m, head))
+            openings.append(_Gap(*at, window.sill_m, head))
             yield from _window(run, at, window, head)
     openings.sort(key=lambda opening: opening.start)
     cursor = -half

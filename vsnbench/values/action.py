@@ -3,6 +3,19 @@
 from enum import StrEnum
 
 
+class ActionKind(StrEnum):
+    """Kind of a model's answer."""
+
+    DISCRETE = "discrete"
+    MOVE = "move"
+    CHUNK = "chunk"
+    WAYPOINT = "waypoint"
+    TRAJECTORY = "trajectory"
+    VELOCITY = "velocity"
+    PIXEL = "pixel"
+    SIDESTEP = "sidestep"
+
+
 class Action(StrEnum):
     """Action of a policy; only some models have MOVE_BACKWARD."""
 
@@ -46,9 +59,7 @@ class Action(StrEnum):
         return self in (Action.TURN_LEFT, Action.TURN_RIGHT)
 
 
-_WITH_PARAMETERS = frozenset(
-    {Action.MOVE, Action.WAYPOINT, Action.TRAJECTORY, Action.VELOCITY, Action.PIXEL, Action.SIDESTEP}
-)
+_WITH_PARAMETERS = frozenset(action for action in Action if action.name in ActionKind.__members__)
 TILTS = frozenset({Action.LOOK_UP, Action.LOOK_DOWN})
 """Actions of a camera that tilts."""
 DISCRETE_ACTIONS = tuple(action for action in Action if action not in _WITH_PARAMETERS)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.values.action import Action
-from vsnbench.values.movement import KIND_OF, ActionKind, Chunk, Movement, action_of
+from vsnbench.values.action import Action, ActionKind
+from vsnbench.values.movement import KIND_OF, Chunk, Movement, action_of
 
 
 @dataclass(frozen=True, slots=True)

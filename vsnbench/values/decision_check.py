@@ -15,7 +15,7 @@ from vsnbench.errors import DecisionError
 from vsnbench.text.sanitize import without_controls
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
-from vsnbench.values.movement import action_of, checked_movement, checked_parts
+from vsnbench.values.movement import MAX_PARTS, Movement, action_of, checked_movement
 
 MOST_NAME_CHARACTERS: Final = 200
 MOST_NOTE_CHARACTERS: Final = 10_000
@@ -55,7 +55,7 @@ def checked_decision(answer: object) -> Decision:
             f"action must be an Action or a movement, got {_kind(answer.action)}",
             advice="use Action.MOVE_FORWARD or Waypoint(1.0, 0.0), for example",
         )
-    parts = checked_parts(answer.parts)
+    parts = _checked_parts(answer.parts)
     movement = None if answer.movement is None else checked_movement(answer.movement)
     if movement is not None and action_of(movement) is not answer.action:
         raise DecisionError(f"{answer.action} does not fit its movement, {_kind(movement)}")
@@ -65,6 +65,27 @@ def checked_decision(answer: object) -> Decision:
         raise DecisionError(f"diagnostics must be Diagnostics, got {_kind(answer.diagnostics)}")
     raw_action = _text(answer.raw_action, "raw_action", MOST_NAME_CHARACTERS)
     return Decision(answer.action, raw_action, checked_diagnostics(answer.diagnostics), movement, parts)
+
+
+def _checked_parts(parts: object) -> tuple[Action | Movement, ...]:
+    """Return the validated parts of a chunk.
+
+    Raises:
+        DecisionError: there are too many, or one of them is neither an action nor a movement.
+    """
+    if not isinstance(parts, tuple | list):
+        raise DecisionError(f"the parts of a chunk must be a list, got {type(parts).__name__}")
+    if len(parts) > MAX_PARTS:
+        raise DecisionError(f"a chunk must have at most {MAX_PARTS} parts, got {len(parts)}")
+    return tuple(_checked_part(part) for part in parts)
+
+
+def _checked_part(part: object) -> Action | Movement:
+    if isinstance(part, Action):
+        if part.has_parameters:
+            raise DecisionError(f"{part} needs its parameters: put the movement itself into the chunk")
+        return part
+    return checked_movement(part)
 
 
 def checked_diagnostics(given: Diagnostics) -> Diagnostics:

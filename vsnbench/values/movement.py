@@ -7,12 +7,11 @@ radians, seconds. Limits keep one movement within what a depth image of a room c
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from enum import StrEnum
 from itertools import pairwise
 from typing import Any, Final, get_args
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.pose import Pose
 
 MAX_DISTANCE_M: Final = 5.0
@@ -29,19 +28,6 @@ _MAX_SPEED: Final = 10.0
 """Above what any base can do, m/s or rad/s; the robot's own limits are checked when the robot is known."""
 _MIN_DURATION_S: Final = 0.05
 _MAX_PIXEL: Final = 4096.0
-
-
-class ActionKind(StrEnum):
-    """Kind of a model's answer."""
-
-    DISCRETE = "discrete"
-    MOVE = "move"
-    CHUNK = "chunk"
-    WAYPOINT = "waypoint"
-    TRAJECTORY = "trajectory"
-    VELOCITY = "velocity"
-    PIXEL = "pixel"
-    SIDESTEP = "sidestep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +75,13 @@ class Velocity:
     angular_rad_s: float = 0.0
     duration_s: float = 1.0
     """At most `MAX_DURATION_S`."""
+    lateral_m_s: float = 0.0
+    """To the left, on a base that can: see `Base.max_lateral_m_s`."""
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed over the floor, not negative."""
+        return math.hypot(self.linear_m_s, self.lateral_m_s) if self.lateral_m_s else abs(self.linear_m_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +163,8 @@ def reach_m(movement: Drive) -> float:
             return math.hypot(x_m, y_m)
         case Trajectory(points):
             return max(math.hypot(*point) for point in points)
-        case Velocity(linear_m_s, _, duration_s):
-            return abs(linear_m_s) * duration_s
+        case Velocity():
+            return movement.speed_m_s * movement.duration_s
 
 
 def ahead(movement: Drive) -> float:
@@ -189,6 +182,23 @@ def ahead(movement: Drive) -> float:
     return 1.0
 
 
+def fixes_heading(movement: Drive) -> bool:
+    """Return whether a movement prescribes the heading at its end, that of `end_of`."""
+    return not isinstance(movement, Trajectory | Velocity) and not (
+        isinstance(movement, Waypoint) and movement.heading_rad is None
+    )
+
+
+def goes_sideways(movement: Drive) -> bool:
+    """Return whether only a base with `max_lateral_m_s` executes a movement."""
+    return isinstance(movement, Sidestep) or (isinstance(movement, Velocity) and movement.lateral_m_s != 0.0)
+
+
+def is_watched(movement: Drive) -> bool:
+    """Return whether a camera that looks ahead shows the way: not if the robot goes straight to the side."""
+    return not goes_sideways(movement) or ahead(movement) > 0
+
+
 def movement_text(movement: Movement) -> str:
     """Return a short description, such as `to (1.20, -0.30) m`."""
     match movement:
@@ -201,8 +211,10 @@ def movement_text(movement: Movement) -> str:
             return f"to ({x_m:.2f}, {y_m:.2f}) m{facing}"
         case Trajectory(points):
             return f"along {len(points)} points, {movement.length_m:.2f} m"
-        case Velocity(linear_m_s, angular_rad_s, duration_s):
-            return f"{linear_m_s:.2f} m/s, {math.degrees(angular_rad_s):.0f}°/s for {duration_s:.1f} s"
+        case Velocity(linear_m_s, angular_rad_s, duration_s, lateral_m_s):
+            side = "left" if lateral_m_s >= 0 else "right"
+            aside = f", {abs(lateral_m_s):.2f} m/s to the {side}" if lateral_m_s else ""
+            return f"{linear_m_s:.2f} m/s{aside}, {math.degrees(angular_rad_s):.0f}°/s for {duration_s:.1f} s"
         case Sidestep(left_m):
             return f"{abs(left_m):.2f} m to the {'left' if left_m >= 0 else 'right'}"
         case Pixel(u, v):
@@ -222,13 +234,13 @@ def _preset_text(distance_m: float, turn_rad: float) -> str:
 
 STOP: Final = Move(holds_heading=True)
 """The movement of the action STOP."""
-_OMITTED: Final[Mapping[str, object]] = {"heading_rad": None, "holds_heading": False}
+_OMITTED: Final[Mapping[str, object]] = {"heading_rad": None, "holds_heading": False, "lateral_m_s": 0.0}
 """Defaults that are left out of the JSON of a movement."""
 
 
 def movement_to_json(movement: Movement) -> dict[str, Any]:
     """Return a movement as JSON values with its `kind`, for the record and the wire."""
-    content = {name: value for name, value in asdict(movement).items() if _OMITTED.get(name, ...) is not value}
+    content = {name: value for name, value in asdict(movement).items() if _OMITTED.get(name, ...) != value}
     if isinstance(movement, Trajectory):
         content["points"] = [list(point) for point in movement.points]
     return {"kind": KIND_OF[type(movement)].value, **content}
@@ -260,27 +272,6 @@ def _finite(value: Any) -> float:
     return number
 
 
-def checked_parts(parts: object) -> tuple[Action | Movement, ...]:
-    """Return the validated parts of a chunk.
-
-    Raises:
-        DecisionError: there are too many, or one of them is neither an action nor a movement.
-    """
-    if not isinstance(parts, tuple | list):
-        raise DecisionError(f"the parts of a chunk must be a list, got {type(parts).__name__}")
-    if len(parts) > MAX_PARTS:
-        raise DecisionError(f"a chunk must have at most {MAX_PARTS} parts, got {len(parts)}")
-    return tuple(_checked_part(part) for part in parts)
-
-
-def _checked_part(part: object) -> Action | Movement:
-    if isinstance(part, Action):
-        if part.has_parameters:
-            raise DecisionError(f"{part} needs its parameters: put the movement itself into the chunk")
-        return part
-    return checked_movement(part)
-
-
 def checked_movement(given: object) -> Movement:
     """Return a validated copy of a movement, which does not hold headings: only the robot's own actions do.
 
@@ -306,7 +297,9 @@ def checked_movement(given: object) -> Movement:
                 limits = f"{_MIN_DURATION_S:g} to {MAX_DURATION_S:g} s"
                 raise DecisionError(f"velocity.duration_s must be {limits}, got {duration_s:.6g}")
             linear_m_s = _bounded(given.linear_m_s, "velocity.linear_m_s", _MAX_SPEED)
-            return Velocity(linear_m_s, _bounded(given.angular_rad_s, "velocity.angular_rad_s", _MAX_SPEED), duration_s)
+            angular_rad_s = _bounded(given.angular_rad_s, "velocity.angular_rad_s", _MAX_SPEED)
+            lateral_m_s = _bounded(given.lateral_m_s, "velocity.lateral_m_s", _MAX_SPEED)
+            return Velocity(linear_m_s, angular_rad_s, duration_s, lateral_m_s)
         case Sidestep():
             return Sidestep(_bounded(given.left_m, "sidestep.left_m", MAX_DISTANCE_M))
         case Pixel():

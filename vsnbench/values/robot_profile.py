@@ -21,8 +21,9 @@ from pydantic import (
     model_validator,
 )
 
+from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera
-from vsnbench.values.movement import DRIVE_KINDS, ActionKind
+from vsnbench.values.movement import DRIVE_KINDS
 
 
 class Base(BaseModel):
@@ -124,6 +125,9 @@ class BaseDynamics(BaseModel):
     motor_time_constant_s: float = Field(
         default=0.0, ge=0, le=1, description="first-order lag of the velocity, seconds"
     )
+    wheel_acceleration_m_s2: float | None = Field(
+        default=None, gt=0.01, le=20, description="ramp of the driver for each wheel; none for no limit"
+    )
     deadband_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower forward commands do not move the base")
     deadband_rad_s: float = Field(default=0.0, ge=0, lt=10, description="slower turns do not turn the base")
     deadband_lateral_m_s: float = Field(default=0.0, ge=0, lt=3, description="slower commands sideways do not move it")
@@ -154,6 +158,7 @@ class BaseDynamics(BaseModel):
     )
     heading_noise_deg: float = Field(default=0.0, ge=0, le=5, description="standard deviation of each reading, degrees")
     heading_drift_deg_s: float = Field(default=0.0, ge=-5, le=5, description="drift of the gyro, also at rest")
+    unmeasured_rad_s: float = Field(default=0.0, ge=0, lt=1, description="slower turns are not measured")
     odometry_rate_hz: float | None = Field(
         default=None, ge=1, le=50, description="rate of the odometry, Hz; none for the profile's"
     )

@@ -24,7 +24,7 @@ from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.plan_layer import FAILURE_RGB, SUCCESS_RGB, FloorPlan
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
 
-ACTION_RGBA = {
+_OWN_RGBA = {
     Action.MOVE_FORWARD: 0x3C8DD9FF,
     Action.TURN_LEFT: 0xF2A93BFF,
     Action.TURN_RIGHT: 0x8E6FC1FF,
@@ -37,6 +37,10 @@ ACTION_RGBA = {
     Action.VELOCITY: 0xB86FC1FF,
     Action.PIXEL: 0xC77D3BFF,
     Action.SIDESTEP: 0x5FA8D3FF,
+}
+_OTHER_RGBA = 0x6B7F8CFF
+ACTION_RGBA = _OWN_RGBA | {
+    action: _OTHER_RGBA for action in Action if action.has_parameters and action not in _OWN_RGBA
 }
 OUTCOME_RGBA = {
     "moved": 0x9CCC9CFF,

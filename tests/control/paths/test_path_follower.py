@@ -1,5 +1,6 @@
 """Paths replace each other without a stop, within the accelerations of the base."""
 
+import itertools
 import math
 from collections.abc import Callable
 
@@ -79,6 +80,21 @@ def test_new_paths_every_300_ms_do_not_slow_the_robot_down(answer: Callable[[Pos
     cruising = robot.commands[round(1.5 / PERIOD_S) :]
     assert min(command.linear_m_s for command in cruising) > 0.29
     robot.check_accelerations()
+
+
+def test_a_velocity_to_the_side_begins_and_ends_within_the_acceleration_of_the_base() -> None:
+    follower = PathFollower(MotionSettings(lateral_m_s=0.2))
+    here = Pose(0.0, 0.0)
+    follower.follow(Velocity(0.1, 0.0, 1.0, 0.15), here, here)
+    commands = []
+    for k in range(100):
+        commands.append(follower.step(here, k * PERIOD_S, k * PERIOD_S))
+        here = here.compose(Pose(commands[-1].linear_m_s * PERIOD_S, commands[-1].lateral_m_s * PERIOD_S))
+    assert max(command.lateral_m_s for command in commands) == pytest.approx(0.15)
+    assert commands[-1] == Command()
+    steps = [abs(b.lateral_m_s - a.lateral_m_s) for a, b in itertools.pairwise(commands)]
+    assert max(steps) < 0.3 * PERIOD_S
+    assert (follower.failure, follower.waits) == ("", True)
 
 
 def test_a_path_in_another_direction_takes_over_within_the_accelerations() -> None:

@@ -14,11 +14,10 @@ from vsnbench.models.remote.card import card_of, card_to_wire
 from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.results.writing.campaigns import card_of_row, model_row, model_sha256
 from vsnbench.settings.validation import first_error
-from vsnbench.values.action import TILTS, Action
+from vsnbench.values.action import TILTS, Action, ActionKind
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor, ModelCard
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
 
 FULL = ModelCard(

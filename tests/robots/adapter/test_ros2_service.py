@@ -11,8 +11,9 @@ from tests.robots.adapter.adapters import PlaneBase
 from tests.ros.ros2.wire import Wire
 from vsnbench.ros.ros2.readiness import card_of_mover
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
+from vsnbench.values.action import ActionKind
 from vsnbench.values.encoding.motion_answer import result_of_answer
-from vsnbench.values.movement import ActionKind, Move, movement_to_json
+from vsnbench.values.movement import Move, movement_to_json
 
 import ros2_adapter  # isort: skip  # adapters has its path
 

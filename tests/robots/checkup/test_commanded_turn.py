@@ -49,7 +49,7 @@ class Base(SteeredBase):
 def test_a_turn_is_recorded_until_the_base_is_at_rest() -> None:
     base = Base()
     turn = record_turn(base, [(0.4, 0.8)])
-    assert turn.headings[-1][1] == pytest.approx(0.32, abs=0.1)
+    assert turn.covered[-1][1] == pytest.approx(0.32, abs=0.1)
     assert turn.commands[-1][1] == 0
     assert base.commands[-1] == STANDSTILL
     response = response_of(turn)

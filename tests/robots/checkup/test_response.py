@@ -9,6 +9,7 @@ import pytest
 
 from vsnbench.robots.checkup.response import (
     CommandedTurn,
+    lateral_results,
     rate_of_new_values,
     response_of,
     response_results,
@@ -142,3 +143,38 @@ def test_a_dead_time_and_a_slowest_turn_that_are_not_the_profiles_are_warned_of(
     assert stated_s is not None
     assert float(stated_s.group(1)) == pytest.approx(0.1, abs=0.03)
     assert "min_angular_rad_s: 0.12" in found["slowest turn"][1]
+
+
+def aside(stages: Sequence[tuple[float, float]], **base: float) -> CommandedTurn:
+    """Return the odometry of a base that moves to the side as `turned` turns, and faces 40°."""
+    turn = turned(stages, **base)
+    start = Pose(2.0, -1.0, math.radians(40))
+    readings = [
+        OdometryReading(start.compose(Pose(0.0, amount - turn.covered[0][1])), reading.stamp_s, reading.arrival_s)
+        for (_, amount), reading in zip(turn.covered, turn.readings, strict=True)
+    ]
+    return CommandedTurn(turn.commands, tuple(readings), is_lateral=True)
+
+
+WAY, WAY_STAIRS = ((0.2, 1.5),), tuple((-velocity, 0.5) for velocity in (0.02, 0.04, 0.06, 0.09, 0.12))
+OFTEN = load_profile("turtlebot2").base.model_copy(
+    update={"track_m": None, "wheel_radius_m": None, "max_lateral_m_s": 0.4, "min_lateral_m_s": 0.02}
+)
+
+
+def test_the_response_to_the_side_is_measured_and_a_minimum_that_is_too_low_is_named() -> None:
+    profile = PROFILE.model_copy(update={"base": OFTEN})
+    base = {"dead_time_s": 0.1, "lag_s": 0.08}
+    (good,) = lateral_results(profile, aside(WAY, **base), aside(WAY_STAIRS, **base))
+    assert good.health.value == "ok"
+    dead_ms, lag_ms = map(int, re.findall(r"(\d+) ms", good.seen))
+    assert (dead_ms, lag_ms) == (pytest.approx(100, abs=15), pytest.approx(80, abs=25))
+    deaf = base | {"deadband_rad_s": 0.05}
+    (low,) = lateral_results(profile, aside(WAY, **deaf), aside(WAY_STAIRS, **deaf))
+    assert "min_lateral_m_s: 0.06" in low.advice
+
+
+def test_a_base_that_does_not_move_sideways_is_told_to_state_no_limit() -> None:
+    still = aside(WAY, deadband_rad_s=9.0)
+    (found,) = lateral_results(PROFILE.model_copy(update={"base": OFTEN}), still, still)
+    assert "max_lateral_m_s" in found.advice

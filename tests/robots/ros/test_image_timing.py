@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from vsnbench.robots.profiles import load_profile
-from vsnbench.robots.ros.image_timing import missing_images, rate_needed_hz
+from vsnbench.robots.ros.image_timing import RateWatch, missing_images, rate_needed_hz
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
@@ -82,3 +82,27 @@ def test_the_rate_that_an_observation_needs_grows_with_the_delay() -> None:
     assert rate_needed_hz(NAMES, NAMES.color) == pytest.approx(0.3)
     assert rate_needed_hz(NAMES, NAMES.depth, 2.0) == pytest.approx(7.5)
     assert rate_needed_hz(NAMES, NAMES.depth, 4.0) == float("inf")
+
+
+def heard(seconds: float, camera_hz: float, before: RobotSnapshot | None = None) -> RobotSnapshot:
+    """Return reports after so many seconds more, with odometry at its rate."""
+    known = {} if before is None else before.received
+    came = {"readings": 50.0, "colors": camera_hz, "depths": camera_hz}
+    received = {field: known.get(field, 0) + round(rate_hz * seconds) for field, rate_hz in came.items()}
+    return RobotSnapshot(received=received)
+
+
+def test_a_camera_that_slows_down_during_a_session_is_named_once_until_it_recovers(caplog) -> None:
+    watch, now, at_s = RateWatch(NAMES, 50.0), heard(0.0, 0.0), NOW_S
+    assert watch.look(now, at_s) == {}
+    said = []
+    for camera_hz in (30, 30, 30, 9, 9, 9, 9, 30, 30, 30, 9, 9, 9):
+        now, at_s = heard(4.0, camera_hz, now), at_s + 4.0
+        rates = watch.look(now, at_s)
+        said.append(len(caplog.records))
+    assert rates == {"odometry_hz": 50.0, "color_hz": 9.0, "depth_hz": 9.0}
+    assert said[2] == 0
+    assert said[5] == said[6] == 2, "colour and depth"
+    assert said[-1] == 4
+    assert NAMES.depth in caplog.text
+    assert "30 Hz" in caplog.text

@@ -21,11 +21,11 @@ from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, StopRequest, StopRequests
 from vsnbench.sites.site import Site
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
-from vsnbench.values.movement import ActionKind, Movement, Pixel, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Movement, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 
@@ -209,10 +209,10 @@ def test_a_model_of_five_waypoints_at_4_hz_drives_without_waiting() -> None:
     """GNM, ViNT and NoMaD predict 5 waypoints, 0.05 m apart at full speed (0.2 m/s), 4 times a second."""
     ahead = Trajectory(tuple(Pose(0.05 * k, 0.002 * k * k).position for k in range(1, 6)))
     with pytest.MonkeyPatch.context() as patch:
-        take_time(patch, [0.25] * 40)
-        record, robot = ran(Answers(lambda n, _: Action.STOP if n == 40 else ahead), None, max_rate_hz=4.0)
+        take_time(patch, [0.25] * 18)
+        record, robot = ran(Answers(lambda n, _: Action.STOP if n == 18 else ahead), None, max_rate_hz=4.0)
     driven = record.steps[1:-1]
-    assert len(driven) == 38
+    assert len(driven) == 16
     for step in driven:
         assert step.answer is not None
         assert step.result is not None
@@ -220,8 +220,8 @@ def test_a_model_of_five_waypoints_at_4_hz_drives_without_waiting() -> None:
         assert step.result.duration_s == pytest.approx(0.25, abs=0.021)
         assert step.result.waiting_s == 0.0
         assert not step.refusal
-    assert sum(step.result.path_m or 0.0 for step in driven if step.result) > 0.2 * 0.25 * 38
-    assert robot.locate().pose.y_m > 0.3, "to the left, as the waypoints lead"
+    assert sum(step.result.path_m or 0.0 for step in driven if step.result) > 0.2 * 0.25 * 16
+    assert robot.locate().pose.y_m > 0.1, "to the left, as the waypoints lead"
 
 
 def test_answers_at_200_hz_are_asked_for_at_the_maximum_rate() -> None:

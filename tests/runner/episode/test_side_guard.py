@@ -9,7 +9,7 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import Refusal
 from vsnbench.runner.episode.side_guard import REMEMBERED_M, SideGuard
 from vsnbench.sites.site import Site, SiteObject, StartingPosition
-from vsnbench.values.movement import Move, Sidestep
+from vsnbench.values.movement import Move, Sidestep, Velocity
 
 CAMERA = LEGGED.camera.model_copy(
     update={"width": 160, "height": 120, "horizontal_fov_deg": 90.0, "mount_height_m": 0.3, "depth_min_m": 0.2}
@@ -27,7 +27,7 @@ class Walk:
         self.guard = SideGuard(PROFILE.base, ProtocolParameters(depth_guard=guard or DepthGuard()))
         self.guard.look(self.robot.observe())
 
-    def drive(self, *movements: Move | Sidestep) -> "Walk":
+    def drive(self, *movements: Move | Sidestep | Velocity) -> "Walk":
         for movement in movements:
             assert self.robot.drive(movement).completed
             self.guard.look(self.robot.observe())
@@ -58,6 +58,23 @@ def test_an_obstacle_beside_the_robot_is_remembered_and_the_other_side_is_free()
     assert (reading.refusal, reading.side) == (Refusal.OBSTACLE, "left")
     assert reading.nearest_m == pytest.approx(0.65 - PROFILE.base.radius_m, abs=0.1)
     assert not walk.guard.reading(-0.25).blocked
+
+
+LEFT, RIGHT = Velocity(0.1, 0.0, 2.0, 0.25), Velocity(0.1, 0.0, 2.0, -0.25)
+
+
+def test_a_velocity_to_the_side_is_refused_towards_an_obstacle_and_where_nothing_was_seen() -> None:
+    walk = Walk(BOX)
+    assert walk.guard.reading_of(LEFT).refusal is Refusal.UNSEEN
+    walk.drive(*AHEAD)
+    reading = walk.guard.reading_of(LEFT)
+    assert (reading.refusal, reading.side) == (Refusal.OBSTACLE, "left")
+    assert reading.nearest_m == pytest.approx(0.65 - PROFILE.base.radius_m, abs=0.1)
+    assert not walk.guard.reading_of(RIGHT).blocked
+    assert not walk.guard.reading_of(Velocity(0.3, 0.5, 1.0)).blocked, "not to the side: the guard ahead decides"
+    walk.drive(Sidestep(0.25))
+    assert walk.guard.reading_of(Velocity(0.0, 0.0, 1.0, 0.2)).refusal is Refusal.OBSTACLE
+    assert not walk.guard.reading_of(Velocity(0.0, 0.0, 1.0, -0.2)).blocked, "it may leave an obstacle that is near"
 
 
 def test_what_was_seen_long_ago_is_forgotten() -> None:

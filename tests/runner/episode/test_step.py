@@ -21,20 +21,10 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import (
-    ActionKind,
-    Chunk,
-    Drive,
-    Move,
-    Movement,
-    Pixel,
-    Sidestep,
-    Velocity,
-    Waypoint,
-)
+from vsnbench.values.movement import Chunk, Drive, Move, Movement, Pixel, Sidestep, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -142,6 +132,7 @@ def test_a_robot_that_avoids_an_obstacle_by_itself_takes_a_blocked_step() -> Non
         (Chunk((Action.TURN_LEFT,)), frozenset({ActionKind.DISCRETE})),
         (Velocity(0.1, 3.3, 1.0), frozenset(ActionKind)),
         (Velocity(9.0, 0.0, 1.0), frozenset(ActionKind)),
+        (Velocity(0.1, 0.0, 1.0, 0.1), frozenset(ActionKind)),
     ],
 )
 def test_an_answer_outside_of_card_and_base_is_a_model_error(

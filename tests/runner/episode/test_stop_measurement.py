@@ -1,6 +1,7 @@
 """Where a robot stopped: measured from its last looks, judged by it, and by the odometry where that is not possible."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.episode.stop_measurement import StopMeasurement
+from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryNoise
 from vsnbench.values.action import Action
@@ -68,6 +70,40 @@ def test_a_robot_whose_pose_is_known_and_one_without_a_stop_are_judged_as_ever()
     assert meter.judged(STOPPED) is STOPPED, "no depth"
     capped = replace(STOPPED, verdict=Verdict(EndReason.STEP_LIMIT, False, ""))
     assert meter.judged(capped) is capped
+
+
+class Asking(AbsentOperator):
+    """Asks once where the robot is, after its second action."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.calls: list[bool] = []
+        self.answers: list[str] = []
+
+    def asks_where(self, *, can_measure: bool) -> bool:
+        self.calls.append(can_measure)
+        return len(self.calls) == 2
+
+    def show_where(self, text: str) -> None:
+        self.answers.append(text)
+
+
+def test_a_person_can_ask_during_a_trial_where_the_robot_is() -> None:
+    drifts = NoiseSettings(odometry=OdometryNoise(way_scale_std=0.05, turn_scale_std=0.02))
+    robot, operator, recorder = RehearsalRobot(APARTMENT, SMALL, PARAMETERS, drifts), Asking(), MemoryRecorder()
+    plan = EpisodePlan(APARTMENT, "chair", APARTMENT.start(5), 4, PARAMETERS)
+    with StopRequests() as stop:
+        outcome = run_episode(robot, ScriptedPolicy(list(DRIVES)), plan, recorder, operator, stop)
+    assert operator.calls == [True] * len(DRIVES)
+    (answer,) = operator.answers
+    assert re.fullmatch(
+        r"to the chair: measured .* m \(.*\), odometry .*; it is 0\.0\d m away from where its odometry says, and "
+        r"turned \d\.\d° to the (left|right)",
+        answer,
+    )
+    assert [text for kind, text in recorder.events if kind == "whereabouts"] == [answer]
+    assert outcome.stop is not None
+    assert outcome.stop.placement.looks == len(DRIVES), "its image does not count twice"
 
 
 def wall_stop() -> tuple[DrivenWay, StopPose]:

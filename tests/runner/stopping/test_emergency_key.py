@@ -50,6 +50,15 @@ def test_the_key_requests_the_end_of_the_episode_and_halts_the_robot(terminal, k
     assert request.description == "stopped with the emergency stop key"
 
 
+def test_another_key_can_have_a_meaning_of_its_own(terminal) -> None:
+    master, slave = terminal
+    asked, pressed = Asked(), threading.Event()
+    with EmergencyStop(asked.halted.set, asked.ask, slave, {b"w": pressed.set}):
+        os.write(master, b"w")
+        assert pressed.wait(10)
+    assert not asked.halted.is_set()
+
+
 def test_other_keys_do_nothing(terminal) -> None:
     master, slave = terminal
     asked = Asked()

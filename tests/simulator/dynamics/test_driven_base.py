@@ -114,7 +114,21 @@ def test_a_gyro_drifts_at_rest_too() -> None:
     assert math.degrees(base.read(measured).heading_rad) == pytest.approx(0.2, abs=1e-6)
 
 
-@pytest.mark.parametrize("file", ["kobuki", "skid_steer", "legged"])
+def test_a_ramp_of_the_driver_limits_each_wheel() -> None:
+    limit = {"wheel_acceleration_m_s2": 0.12}
+    assert driven(AHEAD, 1.0, **limit)[0].x_m == pytest.approx(0.06, abs=0.005)
+    assert driven(AHEAD, 2.0, 2.0, **limit)[0].x_m == pytest.approx(0.4, abs=0.005)
+    assert driven(TURN, 0.5, **limit)[0].heading_rad == pytest.approx(0.12 / PROFILE.base.track_m * 0.25, abs=0.02)
+
+
+def test_slow_turns_can_be_real_and_not_measured() -> None:
+    pose, measured, _ = driven(Command(0.0, 0.08), 2.0, unmeasured_rad_s=0.1)
+    assert pose.heading_rad == pytest.approx(0.16, abs=0.01)
+    assert measured.heading_rad == 0.0
+    assert driven(TURN, 2.0, unmeasured_rad_s=0.1)[1].heading_rad == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("file", ["kobuki", "skid_steer", "legged", "create3"])
 def test_the_bases_of_the_examples_can_be_simulated(file: str) -> None:
     dynamics = load_dynamics(BASES / f"{file}.yaml", PROFILE)
     assert dynamics.conditions

@@ -74,6 +74,7 @@ MOVEMENTS = (
     Waypoint(1.0, 0.5, 0.25),
     Trajectory(((0.5, 0.0), (1.0, 0.5))),
     Velocity(0.2, -0.5, 1.5),
+    Velocity(0.2, 0.0, 1.5, -0.1),
     Pixel(10.5, 20.0),
     Chunk((Action.TURN_LEFT, Waypoint(0.5, 0.0), Move(0.25))),
 )

@@ -222,9 +222,34 @@ def test_the_qr_code_contains_the_address() -> None:
     assert address in {cv2.QRCodeDetector().detectAndDecode(image)[0] for image in images}
 
 
+def test_where_it_is_can_be_asked_while_a_robot_drives(session: PageSession) -> None:
+    anna, prompts = session.browser("Anna"), session.prompts
+    for driving in (False, True):
+        prompts.driving = driving
+        assert anna.post("/where").status == 200
+        assert prompts.take_where() is driving
+        assert not prompts.take_where(), "one question, one answer"
+    prompts.driving = False
+    state = anna.ask("GET", "/state").json
+    assert (state["can_measure"], state["whereabouts"]) == (False, "measuring after this action …")
+
+
 def test_random_requests_start_nothing_and_break_nothing(session: PageSession) -> None:
     anna, chance = session.browser("Anna"), random.Random(5)
-    paths = ["/answer", "/judge", "/stop", "/pause", "/placing", "/amend", "/undo", "/sign-in", "/state", "/live", "/x"]
+    paths = [
+        "/answer",
+        "/judge",
+        "/stop",
+        "/pause",
+        "/where",
+        "/placing",
+        "/amend",
+        "/undo",
+        "/sign-in",
+        "/state",
+        "/live",
+        "/x",
+    ]
     values = [None, -1, 1, 2**40, 1.5, "go", "x" * 600, [], {}, True, "\u202e", "0.5", {"a": [1]}]
     names = ["question", "answer", "episode", "seen", "touched", "distance", "void", "confirmed", "name", "pause"]
     with session.prompts.ask(QuestionKind.JUDGE) as question:

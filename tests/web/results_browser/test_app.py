@@ -14,7 +14,9 @@ from tests.study.studies import study_text
 from tests.web.browser import Browser
 from tests.web.results_browser.served_record import HOSTILE, entered, make_record, served
 from vsnbench.results.database_url import sqlite_url
+from vsnbench.results.model import EPISODE
 from vsnbench.results.writing.journal import Journal
+from vsnbench.web.results_browser import data
 
 
 @pytest.fixture
@@ -43,6 +45,13 @@ def test_images_are_those_of_the_record(client: Browser, results: Path) -> None:
     assert client.ask("GET", "/images/2/4.jpg").status == 404
     assert client.ask("GET", "/images/3/1.jpg").status == 404
     assert client.ask("GET", "/images/99/1.jpg").status == 404
+
+
+def test_a_page_has_further_quantities_unless_they_are_empty(client: Browser, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "facts" not in client.ask("GET", "/data/episode-1.json").json
+    monkeypatch.setattr(data, "FACTS", EPISODE.only("goal_text", "goal_kind", "simulated", "remaining_m"))
+    page = client.ask("GET", "/data/episode-1.json").json
+    assert page["facts"] == {"goal kind": "category", "simulated": "yes"}
 
 
 def test_the_failures_are_classified_after_a_moment(client: Browser) -> None:

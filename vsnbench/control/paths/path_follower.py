@@ -51,6 +51,9 @@ class PathFollower:
         share = settings.acceleration_share
         self._linear_m_s2 = acceleration(settings.linear_m_s, settings.forward_m, share)
         self._angular_rad_s2 = acceleration(settings.angular_rad_s, settings.turn_rad, share)
+        self._lateral_m_s2 = 0.0
+        if settings.lateral_m_s:
+            self._lateral_m_s2 = acceleration(settings.lateral_m_s, settings.forward_m, share)
         self._slowest_turn = SlowestVelocity(settings.slowest_rad_s, settings.angular_rad_s, math.inf, settings)
         self._sent = SentCommands(response or BaseResponse(settings.latency_s))
         self._path: PathProgress | None = None
@@ -138,7 +141,7 @@ class PathFollower:
         before, self.command = self.command, self._limited(wanted, period_s)
         if self.command.angular_rad_s * before.angular_rad_s < 0:
             self._stalls[1].restart()  # around a reversal, a base with an unknown lag covers nothing on balance
-        self._commanded_m += abs(self.command.linear_m_s) * period_s
+        self._commanded_m += self.command.speed_m_s * period_s
         self._commanded_rad += self.command.angular_rad_s * period_s
         self._sent.add(now_s, self.command)
         return self.command
@@ -155,9 +158,11 @@ class PathFollower:
                 self._velocity_until_s = now_s + self._velocity.duration_s
             if now_s < self._velocity_until_s - period_s / 2:
                 limit_m_s, limit_rad_s = self._settings.linear_m_s, self._settings.angular_rad_s
+                aside_m_s = self._settings.lateral_m_s
                 return Command(
                     max(-limit_m_s, min(self._velocity.linear_m_s, limit_m_s)),
                     max(-limit_rad_s, min(self._velocity.angular_rad_s, limit_rad_s)),
+                    max(-aside_m_s, min(self._velocity.lateral_m_s, aside_m_s)),
                 )
             self._velocity = None
         if self._path is not None:
@@ -208,6 +213,12 @@ class PathFollower:
         return Command(
             _towards(now.linear_m_s, wanted.linear_m_s, self._linear_m_s2 * period_s, slowest_m_s),
             _towards(now.angular_rad_s, wanted.angular_rad_s, self._angular_rad_s2 * period_s, slowest_rad_s),
+            _towards(
+                now.lateral_m_s,
+                wanted.lateral_m_s,
+                self._lateral_m_s2 * period_s,
+                self._settings.slowest_lateral_m_s,
+            ),
         )
 
     def _is_stuck(self, pose: Pose, now_s: float, stamp_s: float, pending_m: float, pending_rad: float) -> bool:

@@ -14,7 +14,7 @@ from vsnbench import __version__
 from vsnbench.evidence.verification.checks import Check, Finding, Progress, cell
 from vsnbench.evidence.verification.record import RecordedCondition, VerifiedRecord
 from vsnbench.protocol.free_space import free_space
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, end_after, judge
+from vsnbench.protocol.judge import ROBOT_FAILURES, EndReason, GoalDistance, Verdict, distance_to_goal, end_after, judge
 from vsnbench.protocol.limits import Spent
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
@@ -29,7 +29,6 @@ from vsnbench.values.step import StepRecord, taken_action
 
 _TOLERANCE = 1e-6
 """Metres and seconds; the same computation on another machine can differ in the last digits."""
-_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
 
 
 def check_judgements(record: VerifiedRecord, progress: Progress) -> tuple[Check, dict[str, int]]:
@@ -119,7 +118,7 @@ class _EpisodeCheck:
         if reason is None:
             if recorded.is_result:
                 yield self._cell("end_reason", f"{recorded}, and no step ends the episode")
-        elif not (reason in _FAILURES and recorded in (*_FAILURES, EndReason.ABORTED)) and not (
+        elif not (reason in ROBOT_FAILURES and recorded in (*ROBOT_FAILURES, EndReason.ABORTED)) and not (
             reason is EndReason.STOP and recorded is EndReason.SENSOR_LOST and self.final is None
         ):
             yield self._cell("end_reason", f"{recorded}, and the steps end with {reason}")

@@ -18,9 +18,9 @@ from vsnbench.models.vlv.planner import Planner, Point
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.execution import Execution
-from vsnbench.values.action import Action
+from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
-from vsnbench.values.movement import ActionKind, Movement, Trajectory, Waypoint
+from vsnbench.values.movement import Movement, Trajectory, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -59,7 +59,7 @@ class WaypointFrontier(Frontier):
 
 
 @dataclass(frozen=True, slots=True)
-class _Plan:
+class _SearchPlan:
     """What the robot shall do until something new is seen, in the start's frame."""
 
     decision: Decision
@@ -89,7 +89,7 @@ class WaypointSearch(FrontierSearch):
         super().__init__(settings, planner, seed, reliability)
         self._drives_on = execution is not None
         self._still = Standstill(execution)
-        self._plan: _Plan | None = None
+        self._plan: _SearchPlan | None = None
         self._last: Pose | None = None
         self._swept_rad = 0.0
         self._is_blocked = False
@@ -119,7 +119,7 @@ class WaypointSearch(FrontierSearch):
         self._before_forward = pose if path_m > self.settings.short_move_m and not self._drives_on else None
         return Decision(movement, diagnostics=decision.diagnostics)
 
-    def _is_new(self, plan: _Plan, observation: Observation) -> bool:
+    def _is_new(self, plan: _SearchPlan, observation: Observation) -> bool:
         """Return whether an observation shows something new since the view of a plan."""
         pose = observation.pose
         turned_rad = abs(wrap_angle(pose.heading_rad - plan.seen_at.heading_rad))
@@ -144,9 +144,9 @@ class WaypointSearch(FrontierSearch):
         self._swept_rad = 0.0
         return super()._begin_scan()
 
-    def _planned(self, decision: Decision, observation: Observation) -> _Plan:
+    def _planned(self, decision: Decision, observation: Observation) -> _SearchPlan:
         pose, shown = observation.pose, decision.diagnostics
-        plan = _Plan(decision, pose, observation.stamp_s)
+        plan = _SearchPlan(decision, pose, observation.stamp_s)
         if len(shown.path) > 1 and math.dist(shown.path[0], shown.path[-1]) > _SPACING_M:
             bearing_rad = _bearing_rad(shown.path, pose)
             if not self._drives_on and abs(bearing_rad) > _ASIDE_RAD:
@@ -172,7 +172,7 @@ def _bearing_rad(path: tuple[Point, ...], pose: Pose) -> float:
     return wrap_angle(math.atan2(ahead[1] - pose.y_m, ahead[0] - pose.x_m) - pose.heading_rad)
 
 
-def _movement(plan: _Plan, pose: Pose, ahead_m: float) -> Movement | None:
+def _movement(plan: _SearchPlan, pose: Pose, ahead_m: float) -> Movement | None:
     """Return what is left of a plan from a pose on, at most a length of its path; None if nothing is."""
     if plan.heading_rad is not None:
         return Waypoint(0.0, 0.0, wrap_angle(plan.heading_rad - pose.heading_rad))

@@ -65,7 +65,12 @@ def _check_velocity(velocity: Velocity, robot: RobotFacts) -> None:
     limits = (
         (velocity.linear_m_s, robot.max_linear_m_s, "m/s"),
         (velocity.angular_rad_s, robot.max_angular_rad_s, "rad/s"),
+        (velocity.lateral_m_s, robot.max_lateral_m_s, "m/s to the side"),
     )
+    if velocity.lateral_m_s and not robot.max_lateral_m_s:
+        raise DecisionError(
+            f"answered with {velocity.lateral_m_s:.4g} m/s to the side, and this base cannot move sideways"
+        )
     for asked, limit, unit in limits:
         if abs(asked) > limit * (1 + 1e-6):
             raise DecisionError(f"a velocity of {asked:.4g} {unit} exceeds this base's maximum of {limit:g} {unit}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Engine, func, select
 
-from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.judge import MODEL_FAILURES, ROBOT_FAILURES, EndReason
 from vsnbench.report.analysis.conditions import Selection, read_conditions
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
 from vsnbench.results.reading.read_model import COUNTS, RUNNING, UNJUDGED
@@ -20,13 +20,7 @@ from vsnbench.results.writing.entries import INTERVENTION
 if TYPE_CHECKING:
     import pandas as pd
 
-FAILURES = (
-    EndReason.MOTION_FAILED,
-    EndReason.SENSOR_LOST,
-    EndReason.MODEL_ERROR,
-    EndReason.MODEL_LOST,
-    EndReason.INTERRUPTED,
-)
+FAILURES = (*ROBOT_FAILURES, *MODEL_FAILURES, EndReason.INTERRUPTED)
 """End reasons that are failures of the system rather than of the policy or an operator's decision."""
 
 

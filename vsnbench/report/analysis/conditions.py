@@ -14,7 +14,7 @@ from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.writing.lifecycle import EpisodeState
-from vsnbench.values.movement import ActionKind
+from vsnbench.values.action import ActionKind
 from vsnbench.values.robot_identity import IMPORTED, REHEARSAL_KEY
 
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m", "execution")

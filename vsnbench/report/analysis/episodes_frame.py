@@ -21,8 +21,8 @@ from vsnbench.report.analysis.conditions import Condition, Selection, read_condi
 from vsnbench.report.analysis.efficiency import add_times, progress_of, soft_spl_of, spl_of
 from vsnbench.results.fields import Field, Fields
 from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, site_contents
-from vsnbench.results.model import EPISODE
-from vsnbench.results.reading.read_model import COUNTED, RUNNING, SUPERSEDED, UNJUDGED, VOID, episodes_of_trials
+from vsnbench.results.model import EPISODE, TABLE
+from vsnbench.results.reading.read_model import COUNTED, RUNNING, SUPERSEDED, UNJUDGED, VOID, episodes_with
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import EpisodeRow, TrialRow
 from vsnbench.sites.categories import GOAL_CATEGORIES
@@ -36,8 +36,7 @@ Rows = NDArray[np.bool_] | Integers | slice
 
 _OF_RECORD = Fields(
     (
-        EPISODE["id"],
-        EPISODE["campaign_id"],
+        *TABLE,
         Field("process", int, "number of the process that ran it", (EpisodeRow.process_id,)),
         Field(
             "session",
@@ -46,15 +45,12 @@ _OF_RECORD = Fields(
             (type_coerce(func.coalesce(EpisodeRow.session_id, 0), NullType()),),
         ),
         Field("trial", int, "number of the trial", (TrialRow.id,)),
-        *EPISODE.only("goal", "start", "repetition", "state", "end_reason", "success", "actions", "path_m"),
-        *EPISODE.only("shortest_m", "remaining_m", "distance_m", "goal_in_sight", "duration_s", "thinking_s"),
-        *EPISODE.only("wall_duration_s", "started_at", "ended_at", "images_directory"),
     )
 )
-"""Quantities that are read from the database, in the order of the columns."""
-_OF_SUCCESS = _OF_RECORD.but(
-    *("process", "session", "trial", "repetition", "goal_in_sight"),
-    *("wall_duration_s", "started_at", "ended_at", "images_directory"),
+"""Quantities that are read from the database."""
+_OF_SUCCESS = TABLE.only(
+    *("id", "campaign_id", "goal", "start", "state", "end_reason", "success", "actions", "path_m", "shortest_m"),
+    *("remaining_m", "distance_m", "duration_s", "thinking_s"),
 )
 """Quantities that the success tables need."""
 _COMPUTED = {
@@ -67,19 +63,19 @@ _COMPUTED = {
     "sct": "success weighted by completion time: 0 for a failure, NaN for a success of unknown time",
 }
 """Columns that the report computes, or whose values it completes."""
-_ORDER = (
-    *("episode", "condition", "campaign", "process", "session", "trial", "goal", "start", "repetition", "state"),
-    *("end_reason", "success", "actions", "path_m", "shortest_m", "remaining_m", "distance_m", "goal_in_sight"),
-    *("duration_s", "thinking_s", "wall_duration_s", "progress", "spl", "soft_spl", "sct", "started_at", "ended_at"),
-    "images_directory",
-)
+_AFTER = {
+    "episode": ("condition",),
+    "campaign": ("process", "session", "trial"),
+    "wall_duration_s": ("progress", "spl", "soft_spl", "sct"),
+}
+"""Column of `TABLE` -> the columns that follow it."""
 
 
 def _meanings() -> dict[str, str]:
     nothing = {float: "NaN", datetime: "NaT"}
     recorded = {quantity.heading: quantity.description(nothing.get(quantity.base, "None")) for quantity in _OF_RECORD}
     found = recorded | _COMPUTED
-    return {name: found[name] for name in _ORDER}
+    return {name: found[name] for own in TABLE.headings() for name in (own, *_AFTER.get(own, ()))}
 
 
 COLUMNS = _meanings()
@@ -237,7 +233,7 @@ def episodes_query(quantities: Fields = _OF_RECORD) -> Select[Any]:
         type_coerce(quantity.sql[0], NullType()) if quantity.base in (bool, datetime) else quantity.sql[0]
         for quantity in quantities
     )
-    return episodes_of_trials(*columns).order_by(EpisodeRow.id)
+    return episodes_with(*columns).order_by(EpisodeRow.id)
 
 
 _BATCH = 200
@@ -259,7 +255,8 @@ def _read(connection: Connection, quantities: Fields, trials: Sequence[Any], cod
 
     def convert() -> None:
         for quantity, part, values in zip(quantities, parts, columns, strict=True):
-            part.append(_typed(quantity, values, codes))
+            decode = quantity.decode if len(quantity.sql) == 1 else None
+            part.append(_typed(quantity, values if decode is None else [decode(value) for value in values], codes))
             values.clear()
 
     for rows in found.partitions():

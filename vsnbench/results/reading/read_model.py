@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import BindParameter, ColumnElement, Select, Text, case, cast, exists, func, literal, select
 from sqlalchemy.orm import InstrumentedAttribute, aliased
 
-from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.judge import MODEL_FAILURES, EndReason
 from vsnbench.results.schema.study_tables import Study, StudyArm
 from vsnbench.results.schema.tables import (
     CampaignRow,
@@ -45,7 +45,7 @@ HAS_HIDDEN_DURATION: ColumnElement[bool] = CampaignRow.protocol["execution"].as_
 """The duration of an episode on the robot's clock would reveal how long the model of a blinded arm thinks."""
 HIDDEN = "hidden while the study is blinded"
 """Replacement of texts that could identify a model."""
-TELLING = frozenset({EndReason.MODEL_ERROR.value, EndReason.MODEL_LOST.value})
+TELLING = frozenset(reason.value for reason in MODEL_FAILURES)
 """End reasons and event kinds with texts from the model."""
 ERROR: ColumnElement[str] = case(
     (CODE.is_not(None) & (EpisodeRow.error != "") & EpisodeRow.end_reason.in_(sorted(TELLING)), HIDDEN),
@@ -132,6 +132,13 @@ def episodes_of_campaigns(*columns: Any) -> Select[Any]:
         .join(SiteRow, SiteRow.id == CampaignRow.site_id)
         .outerjoin(GoalRow, GoalRow.id == TrialRow.goal_id)
     )
+
+
+def episodes_with(*columns: Any) -> Select[Any]:
+    """Select columns for all episodes, unordered; the tables of the campaign are only joined if a column needs them."""
+    needed = set(select(*columns).get_final_froms())
+    is_of_trials = needed <= {row.__table__ for row in (EpisodeRow, TrialRow, VerdictRow)}
+    return (episodes_of_trials if is_of_trials else episodes_of_campaigns)(*columns)
 
 
 def first_attempt(trial_id: InstrumentedAttribute[int]) -> ColumnElement[int | None]:

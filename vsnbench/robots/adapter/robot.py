@@ -20,12 +20,21 @@ from vsnbench.robots.adapter.link import IMAGES_S, AdapterLink
 from vsnbench.robots.adapter.messages import AdapterState, result_in, stamp_in
 from vsnbench.robots.adapter.progress import MovementWatch
 from vsnbench.robots.contract import Robot, Watch
-from vsnbench.sensing.movement_check import MovementAlarmError, contradiction, displacement_m
+from vsnbench.sensing.movement_check import MISS_FACTOR, MovementAlarmError, contradiction, displacement_m
 from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import STOP, ActionKind, Drive, holds_heading, movement_text, movement_to_json
+from vsnbench.values.movement import (
+    STOP,
+    Drive,
+    goes_sideways,
+    holds_heading,
+    is_watched,
+    movement_text,
+    movement_to_json,
+)
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ADAPTER, RobotIdentity
@@ -36,8 +45,6 @@ PATIENCE_S = 30.0
 _RETRY_S = 0.25
 _NEW_IMAGES_S = 3.3
 """Time for images that were captured after the last movement."""
-_MISS_FACTOR = 2.0
-"""Distance from the end of a movement, in tolerances of the profile, beyond which an answer is contradicted."""
 
 
 class AdapterRobot(Robot):
@@ -165,7 +172,9 @@ class AdapterRobot(Robot):
         self._require_begun()
         before = self._pose_at_rest()
         self._before = before
-        looks = watch if Sensor.DEPTH in self.sensors else None
+        if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
+            return MotionResult(completed=False, failure="the adapter executes no movement to the side", pose=before)
+        looks = watch if Sensor.DEPTH in self.sensors and is_watched(movement) else None
         self._watch = watched = MovementWatch(movement, before, self.profile.camera, looks, self._link.take)
         watched.prepare(self._seen_m)
         began_s = time.monotonic()
@@ -194,7 +203,7 @@ class AdapterRobot(Robot):
         except RobotError as error:
             result = replace(result, completed=False, failure=result.failure or str(error))
             after = watched.pose
-        miss_m = None if self.profile.tolerances is None else _MISS_FACTOR * self.profile.tolerances.position_m
+        miss_m = None if self.profile.tolerances is None else MISS_FACTOR * self.profile.tolerances.position_m
         if result.completed and (contradicted := contradiction(movement, before, after, miss_m)):
             failure = f"the adapter answered that it is done: {movement_text(movement)}, but {contradicted}"
             result = replace(result, completed=False, failure=failure)

@@ -13,7 +13,7 @@ from vsnbench.control.law import ideal_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
-from vsnbench.robots.checkup.commanded_turn import SteeredBase, turn_response_results
+from vsnbench.robots.checkup.commanded_turn import SteeredBase, motion_response_results
 from vsnbench.robots.checkup.images import image_results, image_type, turned_results
 from vsnbench.robots.checkup.odometry import (
     TfReadings,
@@ -303,7 +303,7 @@ class RosCheckup(ABC):
         try:
             with self._turn_test() as test:
                 if self.names.command:
-                    yield from turn_response_results(test, self.profile)
+                    yield from motion_response_results(test, self.profile)
                 yield from _turn_results(test, self.profile, self.image_turns)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)

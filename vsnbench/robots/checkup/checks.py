@@ -5,12 +5,11 @@ import struct
 from collections.abc import Iterator
 
 from vsnbench.robots.checkup.result import CheckResult, Health
-from vsnbench.robots.ros.image_timing import MAX_SKEW_S, rate_needed_hz
+from vsnbench.robots.ros.image_timing import LOW_RATE, MAX_SKEW_S, rate_needed_hz
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
 
-_LOW_RATE = 0.8
 """Rates below this share of the profile's are a warning."""
 _SINGLE_HZ = 0.5
 """Highest rate of a topic with a single message in the two seconds of the check-up."""
@@ -40,7 +39,7 @@ def rate_result(
         seen = f"{seen}; the camera is too slow: an observation needs {needed_hz:.1f} Hz"
         advice = "raise the rate of the camera's driver, or lower interface.depth_frames of the profile"
         return CheckResult(topic, Health.FAILED, seen, advice)
-    if messages.rate_hz < _LOW_RATE * expected_hz:
+    if messages.rate_hz < LOW_RATE * expected_hz:
         seen = f"{seen}; the profile has {expected_hz:g} Hz"
         return CheckResult(topic, Health.WARNING, seen, "check the load of the network and of this machine")
     return CheckResult(topic, Health.OK, seen)

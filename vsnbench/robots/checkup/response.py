@@ -1,4 +1,4 @@
-"""Checks of what a base can do, by its response to commanded turns; pure."""
+"""Checks of what a base can do, by its response to commanded turns and ways to the side; pure."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,8 +15,8 @@ from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryReading
 from vsnbench.values.robot_profile import RobotProfile
 
-_LEAST_RAD = math.radians(8)
-"""Smallest turn that shows the response of a base."""
+_LEAST_RAD, _LEAST_M = math.radians(8), 0.05
+"""Smallest turn, and smallest way to the side, that show the response of a base."""
 _LONGEST_DELAY_S = 0.5
 """A base with a longer delay is taken for one that does not follow its commands."""
 _FOLLOWED_SHARE = 0.5
@@ -29,34 +29,42 @@ _FEWEST = 4
 
 @dataclass(frozen=True, slots=True)
 class CommandedTurn:
-    """Commands of turns on the spot, and the odometry meanwhile.
+    """Commands of turns on the spot, or of ways to the side, and the odometry meanwhile.
 
     Attributes:
-        commands: time on the clock of this process and velocity (rad/s) of each command; the last one is zero.
+        commands: time on the clock of this process and velocity (rad/s, or m/s to the left) of each command; the last
+            one is zero.
         readings: odometry from before the first command until the base is at rest again.
+        is_lateral: whether the base was commanded to the side.
     """
 
     commands: tuple[tuple[float, float], ...]
     readings: tuple[OdometryReading, ...]
+    is_lateral: bool = False
 
     @property
-    def headings(self) -> list[tuple[float, float]]:
-        """Time of measurement on the clock of this process, and heading in radians, of each reading, unwrapped."""
+    def covered(self) -> list[tuple[float, float]]:
+        """Time of measurement on the clock of this process, and what was covered until each reading.
+
+        It is the heading in radians, unwrapped, or the way to the left of the first reading in metres.
+        """
         clock = ClockOffset()
         for reading in self.readings:
             clock.add(reading.stamp_s, reading.arrival_s)
-        headings_rad = np.unwrap([reading.pose.heading_rad for reading in self.readings])
+        if self.is_lateral:
+            amounts = [reading.pose.relative_to(self.readings[0].pose).y_m for reading in self.readings]
+        else:
+            amounts = list(map(float, np.unwrap([reading.pose.heading_rad for reading in self.readings])))
         return [
-            (clock.to_local(reading.stamp_s), float(heading_rad))
-            for reading, heading_rad in zip(self.readings, headings_rad, strict=True)
+            (clock.to_local(reading.stamp_s), amount) for reading, amount in zip(self.readings, amounts, strict=True)
         ]
 
 
 def response_of(turn: CommandedTurn) -> BaseResponse | None:
-    """Return the dead time and motor lag of a base; None if the turn does not fit its commands."""
-    headings = turn.headings
-    covered = [(at_s, heading_rad - headings[0][1]) for at_s, heading_rad in headings]
-    return measured_response(turn.commands, covered, _LEAST_RAD)
+    """Return the dead time, motor lag and gain of a base; None if the turn does not fit its commands."""
+    amounts = turn.covered
+    covered = [(at_s, amount - amounts[0][1]) for at_s, amount in amounts]
+    return measured_response(turn.commands, covered, _LEAST_M if turn.is_lateral else _LEAST_RAD)
 
 
 def rate_of_new_values(turn: CommandedTurn) -> float:
@@ -64,13 +72,13 @@ def rate_of_new_values(turn: CommandedTurn) -> float:
 
     A driver that repeats its last value sends more messages than it measures.
     """
-    changes = [at_s for (_, before), (at_s, after) in pairwise(turn.headings) if after != before]
+    changes = [at_s for (_, before), (at_s, after) in pairwise(turn.covered) if after != before]
     moving = [at_s for at_s in changes if turn.commands[0][0] < at_s <= turn.commands[-1][0]]
     return (len(moving) - 1) / (moving[-1] - moving[0]) if len(moving) > _FEWEST else 0.0
 
 
 def slowest_turn(stairs: CommandedTurn, delay_s: float) -> float | None:
-    """Return the slowest commanded velocity (rad/s) that the base followed, with all faster ones; None for none.
+    """Return the slowest commanded velocity that the base followed, with all faster ones; None for none.
 
     Args:
         stairs: turn in stages, each with one velocity.
@@ -78,7 +86,7 @@ def slowest_turn(stairs: CommandedTurn, delay_s: float) -> float | None:
     """
     slowest = None
     for begin_s, end_s, velocity in reversed(_stages(stairs.commands)):
-        window = [(t, rad) for t, rad in stairs.headings if begin_s + delay_s < t <= end_s + delay_s]
+        window = [(t, rad) for t, rad in stairs.covered if begin_s + delay_s < t <= end_s + delay_s]
         if len(window) < _FEWEST or not _follows(window, velocity):
             break
         slowest = abs(velocity)
@@ -106,6 +114,36 @@ def response_results(profile: RobotProfile, turn: CommandedTurn, stairs: Command
     else:
         yield _delay_result(profile, response)
     yield _slowest_result(profile, slowest_turn(stairs, 0.0 if response is None else response.delay_s), stairs)
+
+
+def lateral_results(profile: RobotProfile, way: CommandedTurn, stairs: CommandedTurn) -> Iterator[CheckResult]:
+    """Report the response to commands to the side, with what the profile should state.
+
+    Args:
+        profile: profile of the robot.
+        way: way to the side with one velocity.
+        stairs: way in stages of rising velocity.
+    """
+    response = response_of(way)
+    if response is None:
+        moved_m = way.covered[-1][1] - way.covered[0][1]
+        seen = f"the way to the side does not fit its commands: the odometry moved {moved_m * 100:.0f} cm to the left"
+        advice = "if the base did not move sideways, remove base.max_lateral_m_s from the profile"
+        yield CheckResult("sideways", Health.WARNING, seen, advice)
+        return
+    delays = f"dead time {response.dead_time_s * 1000:.0f} ms, motor lag {response.lag_s * 1000:.0f} ms"
+    seen = f"{delays}, {response.linear_gain:.2f} m per commanded metre"
+    slowest_m_s, stated_m_s = slowest_turn(stairs, response.delay_s), profile.base.min_lateral_m_s
+    if slowest_m_s is None:
+        fastest = max(abs(velocity) for _, velocity in stairs.commands)
+        seen = f"{seen}; the base follows nothing up to {fastest:g} m/s to the right"
+        yield CheckResult("sideways", Health.WARNING, seen, "check that nothing blocks it, and doctor --move again")
+    elif 0 < stated_m_s < slowest_m_s:
+        seen = f"{seen}; it follows {slowest_m_s:g} m/s, nothing slower; base.min_lateral_m_s is {stated_m_s:g}"
+        advice = f"put the slowest velocity into the profile: base: {{min_lateral_m_s: {slowest_m_s:g}}}"
+        yield CheckResult("sideways", Health.WARNING, seen, advice)
+    else:
+        yield CheckResult("sideways", Health.OK, f"{seen}; it follows {slowest_m_s:g} m/s")
 
 
 def _delay_result(profile: RobotProfile, response: BaseResponse) -> CheckResult:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ImageError, SensorLostError
-from vsnbench.robots.ros.image_timing import MAX_SKEW_S, missing_images, not_ahead, observation_timeout_s
+from vsnbench.robots.ros.image_timing import MAX_SKEW_S, RateWatch, missing_images, not_ahead, observation_timeout_s
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import (
     MatchedImages,
@@ -62,6 +62,7 @@ class RosCamera:
         self._names = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """Number of depth images per median."""
+        self._rates = RateWatch(link.names, profile.base.odometry_rate_hz)
         self._rectifiers: dict[tuple[str, Attitude], tuple[Calibration, bool, Rectifier]] = {}
         """Rectifier by topic and attitude, and the calibration that it is for; whether the images have a size of their
         own."""
@@ -142,6 +143,7 @@ class RosCamera:
             "invalid_before": float((frames[-1] == 0).mean()) if frames and frames[-1].dtype.kind == "u" else math.nan,
             "invalid_after": invalid_after,  # of the median
         }
+        sensing |= self._rates.look(self._link.snapshot(), time.monotonic())
         if self._names.attitude is not None:
             sensing |= {"roll_deg": math.degrees(attitude.roll_rad), "pitch_deg": math.degrees(attitude.pitch_rad)}
         return Observation(

@@ -1,13 +1,17 @@
 """Whether images arrive in time for an observation: rate, delay and clock of a camera."""
 
+import logging
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from vsnbench.errors import SensorLostError
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotSnapshot
+
+logger = logging.getLogger(__name__)
 
 MAX_SKEW_S = 0.1
 """Largest difference of the stamps of colour and depth in one observation."""
@@ -18,6 +22,65 @@ _SILENT_S = 1.0
 """Time without an image after which a camera is silent, or three of its periods if it is slow."""
 _LONGEST_DELAY_S = 10.0
 """Images that are older on arrival have a wrong stamp, because no driver or network queues images for this long."""
+
+
+LOW_RATE = 0.8
+"""A topic with less than this share of its rate in the profile is slow."""
+_WINDOW_S, _SHORTEST_S = 10.0, 2.0
+"""Time over which a session measures rates, and the shortest one that shows them."""
+
+
+class _Tally(NamedTuple):
+    at_s: float
+    received: Mapping[str, int]
+
+
+class RateWatch:
+    """Measures the rates of camera and odometry during a session, and warns when one falls below the profile's.
+
+    Args:
+        names: interface of the profile.
+        odometry_rate_hz: rate of the odometry in the profile.
+    """
+
+    def __init__(self, names: RosInterface, odometry_rate_hz: float) -> None:
+        self._topics = {
+            "readings": ("odometry_hz", names.odometry_topic, odometry_rate_hz),
+            "colors": ("color_hz", names.color, names.camera_rate_hz),
+        }
+        if names.depth:
+            self._topics["depths"] = ("depth_hz", names.depth, names.camera_rate_hz)
+        self._marks: deque[_Tally] = deque()
+        self._slow: set[str] = set()
+
+    def look(self, now: RobotSnapshot, now_s: float) -> dict[str, float]:
+        """Return the rates over the last 10 s (Hz) as numbers for the record; none in the first two seconds.
+
+        Warns once of each topic that has become slow.
+
+        Args:
+            now: the newest reports.
+            now_s: the time, monotonic.
+        """
+        self._marks.append(_Tally(now_s, now.received))
+        while len(self._marks) > 2 and now_s - self._marks[1].at_s >= _WINDOW_S:
+            self._marks.popleft()
+        first = self._marks[0]
+        if (passed_s := now_s - first.at_s) < _SHORTEST_S:
+            return {}
+        rates = {}
+        for field, (name, topic, expected_hz) in self._topics.items():
+            rate_hz = rates[name] = (now.received.get(field, 0) - first.received.get(field, 0)) / passed_s
+            if rate_hz >= LOW_RATE * expected_hz:
+                self._slow.discard(topic)
+            elif topic not in self._slow:
+                self._slow.add(topic)
+                logger.warning(
+                    "%s had %.1f Hz in the last %.0f s, the profile has %g Hz: check the load of the network and of "
+                    "the machines at its ends (vsnbench doctor)",
+                    *(topic, rate_hz, passed_s, expected_hz),
+                )
+        return rates
 
 
 def frames_needed(names: RosInterface, topic: str) -> int:

@@ -12,6 +12,7 @@ from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sensing.movement_check import (
+    MISS_FACTOR,
     MovementAlarmError,
     contradiction,
     displacement_m,
@@ -121,7 +122,8 @@ class MovementRunner:
         if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry_topic, time.monotonic())):
             failure = f"{rivals} ({failure})"
         collision = self._collision() or (outcome.collision if outcome else None)
-        if not failure and not blocked and (contradicted := contradiction(movement, before, after)):
+        miss_m = MISS_FACTOR * self._settings.position_tolerance_m
+        if not failure and not blocked and (contradicted := contradiction(movement, before, after, miss_m)):
             failure = f"discrete_move answered True to {movement_text(movement)}, but {contradicted}"
         return self._measured(
             before,

@@ -32,10 +32,11 @@ from vsnbench.robots.ros.start import (
 )
 from vsnbench.robots.ros.watchdog import require_watchdog
 from vsnbench.sites.site import StartingPosition
+from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import ActionKind, Drive, Sidestep
+from vsnbench.values.movement import Drive, goes_sideways, is_watched
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -165,7 +166,9 @@ class RosRobot(Robot):
         With a watch, the depth images that arrive meanwhile are checked, and a blocked way ends the movement.
         """
         self._require_begun()
-        watched = watch is not None and not isinstance(movement, Sidestep)  # the camera does not look to the side
+        if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
+            return MotionResult(completed=False, failure="what moves the base executes no movement to the side")
+        watched = watch is not None and is_watched(movement)
         looks = PathLooks(self._camera, watch) if watch and watched and self._link.names.depth else None
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 

@@ -24,11 +24,13 @@ from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import Drive, Pixel
+from vsnbench.values.movement import Drive, Pixel, Velocity
 from vsnbench.values.observation import Observation
 from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, taken_action
 
 _NOTHING = MotionResult(completed=True)
+_STANDING = Velocity(duration_s=0.05)
+"""Brakes, and drops the running path."""
 _OVER_LIMIT_S = 0.05
 """Time that a motion may last beyond the time limit, so that the limit is reached despite rounding."""
 
@@ -118,6 +120,8 @@ class ContinuousStepper(Stepper):
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)
+        if self._side is not None:
+            self._side.look(observation)
         seen = self._view.of(observation)
         t1 = time.perf_counter()
         decision = self._decided(self._calls.act(seen, budget_left(self._so_far(), self._plan.parameters)))
@@ -145,12 +149,19 @@ class ContinuousStepper(Stepper):
         raise PolicyFailedError(f"act: {error_line(error, named=False)}")
 
     def _start(self, answer: _Answer) -> None:
-        """Let the robot follow an answer, unless it is stale or a pixel without depth."""
+        """Let the robot follow an answer, unless it is stale, a pixel without depth, or to a side that is not free.
+
+        A side that is not free ends the running path, as an obstacle ahead does: the robot waits for another answer.
+        """
         if answer.stale:
             return
         movement = self._movement(answer)
         if movement is None:
             answer.motion = replace(answer.motion, completed=False, blocked="the pixel has no depth")
+            return
+        if self._side is not None and (guard := self._side.reading_of(movement)).blocked:
+            answer.motion = replace(answer.motion, completed=False, blocked=guard.text)
+            self._robot.follow(_STANDING, None)
             return
         anchored = self._calls.anchor is Anchor.CAPTURE
         self._robot.follow(movement, answer.observation.pose if anchored else None)

@@ -45,6 +45,14 @@ class EpisodeOperator(Protocol):
         """Show an action."""
         ...
 
+    def asks_where(self, *, can_measure: bool) -> bool:
+        """Return whether somebody asks where the robot is."""
+        ...
+
+    def show_where(self, text: str) -> None:
+        """Show the answer."""
+        ...
+
 
 class EpisodeRecorder(Protocol):
     """Records an episode: in the database, as image files, and in a viewer."""
@@ -130,6 +138,11 @@ def run_episode(
                 recorder.event("blocked", step.refusal)
                 if reason is None and step.guard is not None:
                     stepper.watch.refused(step.guard)
+            rests = looks is not None and plan.parameters.execution is None
+            if operator.asks_where(can_measure=rests) and looks is not None and reason is None:
+                where = looks.whereabouts(robot.observe())
+                recorder.event("whereabouts", where)
+                operator.show_where(where)
         if step.result is not None and not reason.is_result:
             error = step.result.failure
     except Stopped as acted:

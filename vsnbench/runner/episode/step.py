@@ -25,7 +25,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import Pixel, Sidestep
+from vsnbench.values.movement import Pixel, goes_sideways
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, lasted_s
 
@@ -211,8 +211,8 @@ class Stepper:
             if waypoint is None:
                 return None, None, "the pixel has no depth"
             movement = waypoint
-        if isinstance(movement, Sidestep) and self._side is not None:
-            guard = self._side.reading(movement.left_m)
+        if self._side is not None and goes_sideways(movement):
+            guard = self._side.reading_of(movement)
             if guard.blocked:
                 return guard, None, guard.text
         watch = PathGuard(self._robot.identity.profile, self._plan.parameters)

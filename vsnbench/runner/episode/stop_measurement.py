@@ -7,6 +7,7 @@ import itertools
 import logging
 import math
 from collections import deque
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -62,6 +63,19 @@ class StopMeasurement:
         if observation.depth_m is not None:
             self._looks.append(DepthLook(observation.depth_m, observation.pose, observation.camera))
 
+    def whereabouts(self, observation: Observation) -> str:
+        """Return where the robot is in one line, from an observation at rest between two actions.
+
+        The observation is not kept: the next one shows the same view, and would count as a second witness.
+        """
+        meter = deepcopy(self, {id(self._site): self._site})
+        meter.look(observation)
+        stop = meter.measure()
+        if stop is None:
+            return "not measured: the camera has no depth image"
+        off = "" if stop.measured is None else f"; {_off(stop.placement.offset)}"
+        return f"to the {self._goal}: {stop.text}{off}"
+
     def judged(self, outcome: EpisodeEnd) -> EpisodeEnd:
         """Return the outcome as judged by the measured pose; unchanged if the model did not stop or none is known."""
         final = outcome.final
@@ -105,6 +119,12 @@ class StopMeasurement:
                 break
             looks.append(look)
         return looks[::-1]
+
+
+def _off(offset: Pose) -> str:
+    """Return how far the robot is from where its odometry says."""
+    turned = f"{abs(math.degrees(offset.heading_rad)):.1f}° to the {'left' if offset.heading_rad > 0 else 'right'}"
+    return f"it is {math.hypot(offset.x_m, offset.y_m):.2f} m away from where its odometry says, and turned {turned}"
 
 
 def _step(earlier: Pose, later: Pose) -> Pose:

@@ -3,18 +3,14 @@
 from collections import Counter
 from dataclasses import dataclass, field
 
-from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.judge import MODEL_FAILURES, ROBOT_FAILURES, EndReason
 from vsnbench.results.writing.entries import EpisodeEnd
 
 DEFAULT_VOID_LIMIT = 3
 LOST_WORKER_LIMIT = 10
 """Consecutive workers lost without a finished episode that end the session."""
-ROBOT_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
-"""A real robot stays where it failed, and a person must move it."""
 REPEATABLE = (EndReason.ABORTED, *ROBOT_FAILURES)
 """Void because of the operator or the robot: another attempt can succeed. A model's failure would recur."""
-MODEL_FAILURES = (EndReason.MODEL_ERROR, EndReason.MODEL_LOST)
-"""Void because of the model; the robot and other models are not affected."""
 
 
 def strands_robot(outcome: EpisodeEnd) -> bool:

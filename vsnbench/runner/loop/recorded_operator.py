@@ -54,6 +54,14 @@ class RecordedOperator(EpisodeOperator):
         """Show an action."""
         self._operator.step_taken(plan, hide_choice(step) if self._is_blind else step)
 
+    def asks_where(self, *, can_measure: bool) -> bool:
+        """Return whether somebody asks where the robot is."""
+        return self._operator.asks_where(can_measure=can_measure)
+
+    def show_where(self, text: str) -> None:
+        """Show where the robot is."""
+        self._operator.show_where(text)
+
     def episode_ended(self, ended: EndedEpisode, *, session_stopped: bool = False) -> None:
         """Show how an episode ended, and have its proposed verdict judged unless the session stopped with it."""
         ended = hide_end(ended) if self._is_blind else ended

@@ -114,6 +114,18 @@ class Operator(ABC):
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
         """Show an action. Default: nothing."""
 
+    def asks_where(self, *, can_measure: bool) -> bool:
+        """Return, once, whether somebody asks where the robot is; called between two actions. Default: nobody does.
+
+        Args:
+            can_measure: whether the robot can say so.
+        """
+        del can_measure
+        return False
+
+    def show_where(self, text: str) -> None:
+        """Show the answer to `asks_where`. Default: nothing."""
+
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Show how an episode ended. Default: nothing."""
 

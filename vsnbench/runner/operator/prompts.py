@@ -115,6 +115,7 @@ class OperatorPrompts:
         # Not from 1: a browser that outlives a killed run must not answer a question that it does not show.
         self._last = secrets.randbelow(2**30)
         self._paused_by = ""
+        self._asks_where = threading.Event()
         self.halt = halt
         self._request_stop = request_stop
         self.state = SessionState()
@@ -149,6 +150,19 @@ class OperatorPrompts:
         """Accept no go until the session is resumed; an empty name resumes it."""
         self._paused_by = author
         self.notify()
+
+    def ask_where(self) -> None:
+        """Have the robot's pose measured once its action has ended. Does nothing unless the robot drives."""
+        if self.driving:
+            self._asks_where.set()
+            self.state.whereabouts = "measuring after this action …"
+            self.notify()
+
+    def take_where(self) -> bool:
+        """Return whether the pose was asked for since the last call."""
+        asked = self._asks_where.is_set()
+        self._asks_where.clear()
+        return asked
 
     def end_episode(self, author: str, means: str) -> bool:
         """Request the end of the running episode, without waiting. Call `halt` afterwards.

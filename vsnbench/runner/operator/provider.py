@@ -55,10 +55,11 @@ class OperatorProvider:
                 yield AbsentOperator(progress)
                 return
             stack.callback(session.journal.clear_operator)
-            emergency = stack.enter_context(EmergencyStop(robots.halt, stop_requests.ask))
-            stop_requests.last_acts.append(emergency.restore_terminal)
             terminal = sys.stdin.fileno() if sys.stdin.isatty() else None
             prompts = OperatorPrompts(terminal, robots.halt, stop_requests.ask)
+            keys = EmergencyStop(robots.halt, stop_requests.ask, others={b"w": prompts.ask_where})
+            emergency = stack.enter_context(keys)
+            stop_requests.last_acts.append(emergency.restore_terminal)
             prompts.show_message = progress.say
             state = prompts.state
             state.shows_actions, state.robot_radius_m = not session.is_blind, robots.robot.profile.base.radius_m

@@ -54,6 +54,10 @@ class SessionState:
     """Last known pose of the robot, in the site's frame."""
     can_measure: bool = False
     """The robot's pose can be measured before it drives."""
+    measures_on_the_way: bool = False
+    """It can be measured between two actions as well."""
+    whereabouts: str = ""
+    """Result of the last measurement between two actions of this episode."""
     looking: str = ""
     """What the robot is doing to measure its pose: looking, or turning around; empty for nothing."""
     look: PlacementLook | None = None
@@ -98,7 +102,7 @@ class SessionState:
 
     def driving_begins(self) -> None:
         """Register that the operator let the robot drive."""
-        self.began_at, self.steps, self.spent = datetime.now(UTC), [], Spent()
+        self.began_at, self.steps, self.spent, self.whereabouts = datetime.now(UTC), [], Spent(), ""
 
     def step_taken(self, step: Step) -> None:
         """Add an action, and the image before it."""

@@ -143,6 +143,22 @@ class TerminalOperator(AbsentOperator):
         super().step_taken(plan, step)
         self._prompts.notify()
 
+    def asks_where(self, *, can_measure: bool) -> bool:
+        """Return whether somebody asks, at the terminal or in a browser."""
+        if can_measure != self._prompts.state.measures_on_the_way:
+            self._prompts.state.measures_on_the_way = can_measure
+            self._prompts.notify()
+        asked = self._prompts.take_where()
+        if asked and not can_measure:
+            self.show_where("not measured: it takes a depth camera, and a robot that rests between its actions")
+        return asked and can_measure
+
+    def show_where(self, text: str) -> None:
+        """Show where the robot is."""
+        self._prompts.state.whereabouts = text
+        self._display.say(text)
+        self._prompts.notify()
+
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Show how the episode ended."""
         self._prompts.driving = False
@@ -164,7 +180,8 @@ class TerminalOperator(AbsentOperator):
             )
             reply = self._first_reply(question, check.ask_choice, check.carry_out)
         self._start(reply)
-        self._console.print("[dim]driving; the space bar stops the robot and ends this episode[/dim]")
+        measures = ", w measures where it is" if placing.can_measure else ""
+        self._console.print(f"[dim]driving; the space bar stops the robot and ends this episode{measures}[/dim]")
 
     def trials_to_repeat(self) -> Sequence[int]:
         """Return and forget the trials whose episodes an operator declared void."""

@@ -1,11 +1,11 @@
-"""The emergency stop key: the space bar halts the robot at once and requests the end of the episode."""
+"""Keys while the robot drives: the space bar halts it at once and requests the end of the episode."""
 
 import contextlib
 import os
 import select
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
@@ -21,10 +21,15 @@ class EmergencyStop:
     """Listens for the key while it is entered; does nothing if standard input is not a terminal."""
 
     def __init__(
-        self, halt: Callable[[], None], ask: Callable[[StopRequest], None], descriptor: int | None = None
+        self,
+        halt: Callable[[], None],
+        ask: Callable[[StopRequest], None],
+        descriptor: int | None = None,
+        others: Mapping[bytes, Callable[[], None]] | None = None,
     ) -> None:
-        """Set what a key calls: `halt` for the robot, and `ask` for the end of the episode."""
+        """Set what a key calls: `halt` for the robot, `ask` for the end of the episode, and `others` by their keys."""
         self._halt = halt
+        self._others = others or {}
         self._ask = ask
         self._descriptor = _terminal() if descriptor is None else descriptor
         self._ended = threading.Event()
@@ -97,6 +102,8 @@ class EmergencyStop:
                 # base. The halt is called from this thread, whatever the main thread is doing.
                 self._ask(PRESSED)
                 self._halt()
+            elif key in self._others:
+                self._others[key]()
 
 
 def _terminal() -> int | None:

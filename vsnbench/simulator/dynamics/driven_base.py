@@ -39,7 +39,8 @@ class DrivenBase:
         self._dynamics = dynamics
         self._noise = noise
         self._is_ideal = not dynamics.conditions and not base.max_lateral_m_s
-        self._motors = Motors(dynamics, base.max_lateral_m_s or dynamics.max_lateral_m_s)
+        lateral_m_s = base.max_lateral_m_s or dynamics.max_lateral_m_s
+        self._motors = Motors(dynamics, lateral_m_s, self.physics.track_m)
         self.is_real_time = False
         self._due_s = 0.0
         self._trail: deque[tuple[Pose, Attitude]] = deque(maxlen=0)
@@ -55,7 +56,7 @@ class DrivenBase:
         self._rest, self._is_walking = LEVEL, False
         self._come_to_rest()
         self._rolled = self._measured = self._wheels.pose
-        self._drifted_rad = 0.0
+        self._drifted_rad = self._passed_s = 0.0
         self._trail.clear()
 
     def keep_trail(self, duration_s: float) -> None:
@@ -81,6 +82,7 @@ class DrivenBase:
             self._trail.append((self.physics.pose, self.attitude))
         if self._is_ideal:
             return self.physics.drive(command)
+        self._passed_s += CONTROL_PERIOD_S
         moving = self._motors.velocity(command)
         turning_rad_s = moving.angular_rad_s * self._dynamics.turn_gain * (1 - self._dynamics.turn_slip)
         aside_m_s = moving.lateral_m_s * self._dynamics.lateral_gain
@@ -109,6 +111,9 @@ class DrivenBase:
             way_m = (rolled.x_m - last.x_m) * math.cos(last.heading_rad + turn_rad / 2) + (
                 rolled.y_m - last.y_m
             ) * math.sin(last.heading_rad + turn_rad / 2)
+            if abs(turn_rad) < self._dynamics.unmeasured_rad_s * self._passed_s:
+                turn_rad = 0.0
+            self._passed_s = 0.0
             counted = advanced(self._measured, way_m, turn_rad / (1 - self._dynamics.turn_slip))
             self._measured = rolled = counted.compose(Pose(0.0, self._slid_m))
             self._slid_m = 0.0
@@ -162,11 +167,17 @@ class DrivenBase:
 
 
 class Motors:
-    """What the motors of a base make of commands: late, sluggish, deaf to slow ones; within the limit sideways."""
+    """What the motors of a base make of commands: late, sluggish, deaf to slow ones; within the limit sideways.
 
-    def __init__(self, dynamics: BaseDynamics, max_lateral_m_s: float = 0.0) -> None:
+    Args:
+        dynamics: behaviour of the base.
+        max_lateral_m_s: limit sideways.
+        track_m: distance between the wheels, each of which has the ramp of the driver.
+    """
+
+    def __init__(self, dynamics: BaseDynamics, max_lateral_m_s: float = 0.0, track_m: float = 0.0) -> None:
         self._dynamics = dynamics
-        self._max_lateral_m_s = max_lateral_m_s
+        self._max_lateral_m_s, self._track_m = max_lateral_m_s, track_m
         delay = dynamics.dead_time_s / CONTROL_PERIOD_S
         self._whole = math.floor(delay + 1e-9)
         self._part = max(delay - self._whole, 0.0)
@@ -178,7 +189,7 @@ class Motors:
     def reset(self) -> None:
         """Stand still, and forget earlier commands."""
         self._commands = deque([STANDSTILL] * (self._whole + 2), maxlen=self._whole + 2)
-        self._now = STANDSTILL
+        self._now = self._ramped = STANDSTILL
 
     def velocity(self, command: Command) -> Command:
         """Return the mean velocity in the control period that begins with a command."""
@@ -192,6 +203,8 @@ class Motors:
             )
         )
         due = _blend(self._commands[1], self._commands[0], self._part)
+        if dynamics.wheel_acceleration_m_s2:
+            due = self._ramped = _nearer(self._ramped, due, dynamics.wheel_acceleration_m_s2, self._track_m)
         if not self._kept:
             return due
         # The mean of an exponential approach over the period, not its value at the end.
@@ -203,6 +216,17 @@ class Motors:
 
 def _above(velocity: float, deadband: float) -> float:
     return velocity if abs(velocity) >= deadband else 0.0
+
+
+def _nearer(now: Command, wanted: Command, acceleration_m_s2: float, track_m: float) -> Command:
+    """Return the velocity after one period in which each wheel approached what is wanted by its ramp."""
+    most_m_s = acceleration_m_s2 * CONTROL_PERIOD_S
+    wheels = []
+    for side in (-1, 1):
+        is_m_s, wanted_m_s = (each.linear_m_s + side * each.angular_rad_s * track_m / 2 for each in (now, wanted))
+        wheels.append(is_m_s + max(-most_m_s, min(wanted_m_s - is_m_s, most_m_s)))
+    left_m_s, right_m_s = wheels
+    return Command((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / track_m, wanted.lateral_m_s)
 
 
 def _blend(one: Command, other: Command, share: float) -> Command:

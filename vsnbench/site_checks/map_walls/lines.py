@@ -149,7 +149,7 @@ def _directions(grid: PlanGrid) -> list[float]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Run:
+class _CellRun:
     """Consecutive occupied cells in a strip of one cell's width along a direction."""
 
     strip: int
@@ -199,11 +199,11 @@ def _fitted_walls(
         yield fitted
 
 
-def _too_thick(wall: list[_Run], resolution_m: float) -> bool:
+def _too_thick(wall: list[_CellRun], resolution_m: float) -> bool:
     return len({run.strip for run in wall}) * resolution_m > THICKEST_M
 
 
-def _grown(seed: _Run, runs: list[_Run], gone: npt.NDArray[np.bool_], as_long: float) -> list[_Run]:
+def _grown(seed: _CellRun, runs: list[_CellRun], gone: npt.NDArray[np.bool_], as_long: float) -> list[_CellRun]:
     """Return a run with the adjacent runs of the strips on both sides that overlap at least `as_long` of it."""
     wall = [seed]
     for step in (-1, 1):
@@ -216,7 +216,7 @@ def _grown(seed: _Run, runs: list[_Run], gone: npt.NDArray[np.bool_], as_long: f
 
 def _strips(
     points: Points, indices: npt.NDArray[np.intp], way: Points, resolution_m: float, shortest_m: float
-) -> list[_Run]:
+) -> list[_CellRun]:
     along = points[indices] @ way
     across = points[indices] @ np.array([-way[1], way[0]])
     strips = np.floor(across).astype(int)
@@ -228,11 +228,11 @@ def _strips(
         for run in np.split(order, np.flatnonzero(np.diff(along[order]) > gap) + 1):
             length = along[run[-1]] - along[run[0]] + 1
             if length >= shortest and np.unique(np.floor(along[run] + 1e-6)).size >= _FILLED * length:
-                found.append(_Run(int(strip), float(along[run[0]]), float(along[run[-1]]), indices[run]))
+                found.append(_CellRun(int(strip), float(along[run[0]]), float(along[run[-1]]), indices[run]))
     return found
 
 
-def _is_adjacent(run: _Run, seed: _Run, gone: npt.NDArray[np.bool_], as_long: float) -> bool:
+def _is_adjacent(run: _CellRun, seed: _CellRun, gone: npt.NDArray[np.bool_], as_long: float) -> bool:
     """Whether a run belongs to the thickness of the seed's wall."""
     shared = min(run.last, seed.last) - max(run.first, seed.first)
     return shared > as_long * seed.length and not gone[run.cells].mean() > _TAKEN
@@ -248,7 +248,7 @@ def _near(points: Points, wall: _FittedWall, way: Points, margin: float) -> npt.
     return np.asarray(inside & (np.abs(across - slope * along) < wall.thickness / 2 + margin), np.bool_)
 
 
-def _one_wall(group: list[_Run], points: Points, way: Points) -> _FittedWall:
+def _one_wall(group: list[_CellRun], points: Points, way: Points) -> _FittedWall:
     """Fit a centre line through the cells of a group."""
     used = np.unique(np.concatenate([run.cells for run in group]))
     normal = np.array([-way[1], way[0]])

@@ -10,10 +10,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import Action, can_replace
+from vsnbench.values.action import Action, ActionKind, can_replace
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
 
 

@@ -83,6 +83,7 @@ class OperatorApp:
                 Route("/judge", self._judge, methods=["POST"]),
                 Route("/stop", self._stop, methods=["POST"]),
                 Route("/pause", self._pause, methods=["POST"]),
+                Route("/where", self._where, methods=["POST"]),
                 Route("/placing", self._request_placing, methods=["POST"]),
                 Route("/placing/{image}", self._placing_image),
                 Route("/episodes", self._episodes),
@@ -217,6 +218,11 @@ class OperatorApp:
     async def _pause(self, request: Request) -> Response:
         body, author = await _signed_body(request)
         self._prompts.pause(author if body.get("pause") is True else "")
+        return JSONResponse({})
+
+    async def _where(self, request: Request) -> Response:
+        await _signed_body(request)
+        self._prompts.ask_where()
         return JSONResponse({})
 
     async def _live(self, socket: WebSocket) -> None:

@@ -46,6 +46,8 @@ def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
         "path": [_pose_json(step.pose) for step in state.steps],
         "left_at": _pose_json(state.left_at) if state.left_at else None,
         "route": state.way,
+        "can_measure": state.measures_on_the_way,
+        "whereabouts": state.whereabouts,
         "revision": prompts.changes,
         "picture": state.pictures,
         "has_live_camera": session.robots.preview is not None,

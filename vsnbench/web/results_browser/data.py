@@ -12,7 +12,7 @@ from sqlalchemy import Engine, func, select
 
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
 from vsnbench.results.goals import with_goals
-from vsnbench.results.model import EPISODE, EpisodeRecord
+from vsnbench.results.model import FACTS, ROW, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, record_errors
@@ -24,12 +24,6 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord, driven_path
 
 SCHEMA: Final = 1
-ROW: Final = EPISODE.only(
-    *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "start", "repetition", "outcome"),
-    *("end_reason", "counts", "state", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at"),
-    *("images_directory", "disturbances", "tags"),
-)
-"""Quantities of an episode in the list."""
 COLUMNS: Final = tuple(
     {"campaign_id": "campaign", "images_directory": "has_images"}.get(name, name) for name in ROW.names
 )
@@ -120,6 +114,7 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
         "max_actions": provenance.protocol.get("max_actions"),
         "success_distance_m": episode.success_distance_m,
         "error": episode.error[:_MAX_TEXT],
+        **({"facts": facts} if (facts := _facts(episode)) else {}),
         **({"stopped": episode.stopped.words} if episode.stopped else {}),
         "targets": sorted(target.id for target in targets_of(site, episode.goal)) if site else [],
         "site_sha256": provenance.site_sha256 if site else "",
@@ -149,6 +144,18 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
             for event in episode.events
         ],
     }
+
+
+def _facts(episode: EpisodeRecord) -> dict[str, str]:
+    """Return `FACTS` in words, by name; nothing of what is empty or unknown."""
+    values = {name.replace("_", " "): value for name, value in FACTS.json(episode).items()}
+    return {name: _fact(value) for name, value in values.items() if value not in (None, "", [], {})}
+
+
+def _fact(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return (f"{value:.4g}" if isinstance(value, float) else str(value))[:_MAX_TEXT]
 
 
 def site_of(episode: EpisodeRecord) -> Site | None:

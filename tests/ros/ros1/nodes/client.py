@@ -23,12 +23,12 @@ class Client:
     def __init__(self) -> None:
         self.robot = RosRobot(load_profile(sys.argv[1]), patience_s=float(sys.argv[2]))
 
-    def begin(self) -> dict:
+    def begin(self, x_m: float = 2.0, y_m: float = 1.0, heading_deg: float = 90) -> dict:
         """Begin an episode as a run does, and retry after a NotPlacedError."""
         problems = [""]
         while True:
             try:
-                self.robot.begin(StartingPosition(number=7, position=(2.0, 1.0), heading_deg=90), 5)
+                self.robot.begin(StartingPosition(number=7, position=(x_m, y_m), heading_deg=heading_deg), 5)
                 break
             except NotPlacedError as error:
                 problems.append(str(error))

@@ -23,8 +23,17 @@ const revisionOf = (state) => JSON.stringify([state?.question, state?.driving, s
 // Whether a form in the list is open.
 export const isFormOpen = () => open > 0;
 
-// For the question whether to end the session.
-export const awaitingText = () => (awaiting ? ` ${awaiting} ${awaiting === 1 ? "episode awaits" : "episodes await"} a judgement.` : "");
+const unjudged = (episodes) => episodes.filter((episode) => episode.outcome === "unjudged" && episode.episode !== asked).length;
+
+// For the question whether to end the session. Counted anew, because the list may be behind.
+export async function awaitingText() {
+  try {
+    awaiting = unjudged((await get("/episodes")).episodes);
+  } catch {
+    // the last number stays
+  }
+  return awaiting ? ` ${awaiting} ${awaiting === 1 ? "episode awaits" : "episodes await"} a judgement.` : "";
+}
 
 export function showEpisodes(holder, state, before, showMessageOnPage) {
   asked = state.case?.episode ?? 0;
@@ -48,7 +57,7 @@ async function refresh(holder) {
     const overtaken = episodes.find((episode) => episode.episode === open && episode.seen !== openSeen);
     if (overtaken) close(open); // its form can no longer be sent
     showUndoBar(episodes, you, (episode) => undo(episode, holder));
-    showAwaiting(holder.closest("details"), episodes.filter((episode) => episode.outcome === "unjudged" && episode.episode !== asked).length);
+    showAwaiting(holder.closest("details"), unjudged(episodes));
     keepFocus(holder, () => draw(episodes, holder));
     isDrawn = true;
     if (overtaken && overtaken.author !== you) showMessage(`#${overtaken.episode}: ${overtaken.author || "another operator"} judged it meanwhile. Your answer was not sent.`);

@@ -69,6 +69,8 @@ function render() {
   at("driving-actions").textContent = trial ? budgetText(trial) : "";
   at("driving-steps").textContent = state.steps.map(([name, isBlocked]) => (isBlocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
+  show("where", state.can_measure);
+  at("where-text").textContent = state.whereabouts;
   showStop(isSignedIn && (driving || state.placing.in_progress === "turn"));
   renderFinish(isSignedIn, kind);
   show("waiting", isSignedIn && !question && !driving && !state.ended_by);
@@ -241,11 +243,12 @@ at("skip").addEventListener("click", async () => {
   if (await answer("skip")) showMessage(`The trial from mark ${start} comes later.`);
 });
 at("pause").addEventListener("click", () => run(() => post("/pause", { pause: !state.paused_by })));
+at("where").addEventListener("click", () => run(() => post("/where", {})));
 for (const id of ["end", "finish-end"]) {
   at(id).addEventListener("click", async () => {
     await showSummary(at("summary"), state, null); // loaded now, because the server stops with the session
     const left = state.trials > state.done ? " The same command continues with the remaining trials." : "";
-    if (await askToConfirm(`End the session?${awaitingText()}${left}`)) answer("end");
+    if (await askToConfirm(`End the session?${await awaitingText()}${left}`)) answer("end");
   });
 }
 const stop = () => {

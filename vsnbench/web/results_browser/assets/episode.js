@@ -146,7 +146,7 @@ class EpisodePage {
       ...episode.events.map((event) => [event.at, `${event.kind.replaceAll("_", " ")}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
     ].sort((a, b) => (a[0] < b[0] ? -1 : 1));
     const summary = [["result", resultText(row)], ["distance", metres(row.distance_m)], ["stopped", episode.stopped], ["path", `${metres(row.path_m)}, shortest ${metres(row.shortest_m)}`],
-      ["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error]];
+      ["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error], ...Object.entries(episode.facts ?? {})];
     return make("section", { class: "card", "aria-label": `record of episode ${row.id}` }, make("h3", {}, `Episode ${row.id}`), tags, ...forms,
       make("dl", { class: "facts" }, ...summary.filter(([, text]) => text).flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])),
       make("ol", { class: "history" }, ...history.map(([at, text, who]) => make("li", {}, make("span", { class: "dim small" }, `${at} `), text,
