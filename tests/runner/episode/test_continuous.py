@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.robots.test_simulated_drive import ROOM
+from tests.sensing.stand import LEGGED
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.judge import EndReason
@@ -28,7 +29,9 @@ from vsnbench.values.model.card import Anchor
 from vsnbench.values.movement import Movement, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
 
+TURTLEBOT = load_profile("turtlebot2")
 WAVE_M, AMPLITUDE_M = 2.4, 0.3
 LANE = ROOM.model_copy(
     update={
@@ -104,9 +107,9 @@ def ran(
     max_actions: int = 150,
     site: Site = LANE,
     stop: StopRequests | None = None,
+    profile: RobotProfile = TURTLEBOT,
     **execution: float,
 ) -> tuple[Record, SimulatedRobot]:
-    profile = load_profile("turtlebot2")
     camera = profile.camera.model_copy(update={"width": 160, "height": 120})
     parameters = ProtocolParameters(max_actions=max_actions).executed(Execution(latency_s=latency_s, **execution))
     robot = SimulatedRobot(
@@ -253,6 +256,17 @@ def test_a_continuous_episode_ends_by_its_time_and_not_by_its_number_of_answers(
     assert record.outcome.verdict.end_reason is EndReason.TIME_LIMIT
     assert record.outcome.actions > 20
     assert record.steps[-1].ended_s == pytest.approx(4.7, abs=0.2), "it brakes, and is at rest"
+
+
+def test_a_velocity_to_a_side_that_was_not_seen_is_refused_and_ends_the_path_before_it() -> None:
+    answers = {1: Velocity(0.3, 0.0, 2.0), 2: Velocity(0.0, 0.0, 2.0, 0.25)}
+    record, robot = ran(Answers(lambda n, _: answers.get(n, Action.STOP)), 0.5, profile=LEGGED)
+    first, aside = record.steps[:2]
+    assert first.result is not None
+    assert not first.result.blocked
+    assert "left" in aside.refusal
+    assert robot.locate().pose.y_m == pytest.approx(0.0, abs=0.02)
+    assert robot.locate().pose.x_m < -1.6, "half a second at 0.3 m/s, and a brake"
 
 
 def test_a_model_that_fails_while_the_robot_drives_leaves_it_at_rest_with_what_was_driven() -> None:
