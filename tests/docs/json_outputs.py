@@ -124,7 +124,7 @@ report --results rich
 report --results placed
 report --reference paper --results rich
 report --output page
-report --website website --results goals
+report --website website --results rich
 compare vlv_real pirlnav_real forward_real --results rich
 compare vlv_real pirlnav_real --results rich
 compare random_under_short random_under_ros4vsn forward --results goals
