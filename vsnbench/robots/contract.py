@@ -218,7 +218,8 @@ class Robot(ABC):
     def preview(self) -> npt.NDArray[np.uint8] | None:
         """Return the newest camera image (H, W, 3), or None if there is no new one.
 
-        Called from any thread, during motions too, if `has_preview` is True.
+        Called from any thread, during motions too, if `has_preview` is True. If `drives_on` is True, also called
+        between two calls of `advance`, from their thread, for a film.
         """
         return None
 
