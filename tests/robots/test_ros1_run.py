@@ -28,8 +28,8 @@ class Stack:
     probe: Probe
     results: Path
 
-    def run(self, *words: str) -> Process:
-        command = ["run", "--robot", str(PROFILE), "--goal", "chair", "--model", "forward"]
+    def run(self, *words: str, model: str = "forward") -> Process:
+        command = ["run", "--robot", str(PROFILE), "--goal", "chair", "--model", model]
         return self.network.start("-m", "vsnbench.cli.main", *command, "--results", str(self.results), *words)
 
     def rows(self, query: str) -> list[tuple]:
@@ -79,7 +79,7 @@ def test_an_unattended_run_records_estimated_distances(stack) -> None:
 @pytest.mark.long
 def test_a_run_that_drives_on_is_recorded_with_the_ages_of_its_answers(stack) -> None:
     """The node next to the base follows the paths while the model thinks."""
-    run = stack.run("--model", "oracle-waypoints", *DRIVING_ON, "--unattended")
+    run = stack.run(*DRIVING_ON, "--unattended", model="tests.robots.onward:Onward")
     assert run.wait(180) == 0, run.output
     assert stack.rows("select end_reason from verdict") == [("time_limit",)]
     check_answers(stack.rows("select stamp_s, movement, duration_s from step order by number"))

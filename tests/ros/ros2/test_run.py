@@ -78,7 +78,8 @@ def test_a_killed_run_leaves_a_robot_at_rest(graph, tmp_path) -> None:
 @pytest.mark.long
 def test_a_run_that_drives_on_is_recorded_with_the_ages_of_its_answers(graph, tmp_path) -> None:
     """The workstation steers the base while the model thinks."""
-    words = ["run", "--robot", "turtlebot4@robot1", "--model", "oracle-waypoints", "--goal", "sofa", *DRIVING_ON]
+    model = ["--model", "tests.robots.onward:Onward", "--goal", "sofa"]
+    words = ["run", "--robot", "turtlebot4@robot1", *model, *DRIVING_ON]
     done = graph.vsnbench(*words, "--results", tmp_path)
     assert done.wait(200) == 0, done.output
     assert rows(tmp_path, "select end_reason, distance_source from verdict") == [("time_limit", "simulated")]

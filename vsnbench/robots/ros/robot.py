@@ -160,6 +160,7 @@ class RosRobot(Robot):
         self._paths.begin()
         if self._continuous:
             self._require_timed_images()
+            self._camera.capture(self.movements.end, self._paths.captured_at)  # the first answer must not wait for code
         self._start = start.pose
 
     def simulate_placement(self, start: StartingPosition, seed: int) -> None:
