@@ -1,6 +1,6 @@
 """A model that always drives on ahead, for runs over ROS."""
 
-from vsnbench import ActionKind, ModelCard, Observation, Policy, Sensor, Waypoint
+from vsnbench import ActionKind, Decision, ModelCard, Observation, Policy, Sensor, Waypoint
 
 
 class Onward(Policy):
@@ -11,5 +11,5 @@ class Onward(Policy):
     def reset(self, goal: str, seed: int) -> None:
         pass
 
-    def act(self, observation: Observation) -> Waypoint:
-        return Waypoint(1.0, 0.0)
+    def act(self, observation: Observation) -> Decision:
+        return Decision(Waypoint(1.0, 0.0))
