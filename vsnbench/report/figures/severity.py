@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _COLUMNS = 4
 _PANEL_HEIGHT_IN = 1.45
 _SCT = "SCT"
-_SCT_NOTE = " SCT, success weighted by completion time, is drawn as a percentage, too."
+_SCT_NOTE = " SCT, success weighted by completion time, is a percentage with a scale of its own."
 
 
 def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
@@ -48,13 +48,16 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
     lines = math.ceil(len(contents) / columns)
     with styled():
         figure = new_figure(page_in() * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
-        panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+        panels = figure.subplots(lines, columns, sharex=True, squeeze=False)
         marks: list[ErrorbarContainer] = []
         for place, (axes, (name, measure)) in enumerate(zip(panels.flat, contents, strict=False)):
             marks = [_line(axes, model, name, measure, (index, len(drawn))) for index, model in enumerate(drawn)]
             _mark(axes, name, drawn)
-            title = f"{measure}, {_title(name, drawn)}" if measure else _title(name, drawn)
+            title = f"{measure} (%)" if measure else _title(name, drawn)
             _label(axes, title, is_last=place + columns >= len(contents), is_first=place % columns == 0)
+            if measure:  # a small share, which has its own scale
+                axes.set_ylim(0, 1.2 * axes.dataLim.y1 if axes.dataLim.y1 > 0 else 100)
+                axes.tick_params(labelleft=True)
         for unused in panels.flat[len(contents) :]:
             unused.set_visible(False)
         several = len({model.undisturbed.condition.site for model in drawn}) > 1
@@ -160,7 +163,7 @@ def _label(axes: "Axes", title: str, *, is_last: bool, is_first: bool) -> None:
     axes.set_ylim(-3, 103)
     axes.axhline(0, color=FAINT, linewidth=0.4)
     light_grid(axes, "y")
-    axes.tick_params(labelbottom=is_last)
+    axes.tick_params(labelbottom=is_last, labelleft=is_first)
     if is_last:
         axes.set_xlabel("severity")
     if is_first:
