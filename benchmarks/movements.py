@@ -1,14 +1,16 @@
-"""Measures the accuracy of continuous movements, and collisions under the path guard.
+"""Measures the accuracy of movements and of late answers, and collisions under the path guard.
 
 `accuracy` measures position and heading errors (mm, degrees) of moves, waypoints and trajectories in an empty hall.
+`late` drives along a curve by answers that take effect 1 s after their image, and measures the distance from the curve.
 `guard` drives towards obstacles in the apartment and counts contacts by speed; with `--continuous` the robot drives on
-and gets a new path every 0.3 s, in simulation only. Over ROS, `vsnbench robots simulate` and
+and gets a new path every 0.3 s. Over ROS, `vsnbench robots simulate` and
 `serve` run as separate processes in their own network, in real time, and movements are shorter than in simulation.
 
     python benchmarks/movements.py accuracy --movements 200
     python benchmarks/movements.py guard --movements 170
     python benchmarks/movements.py guard --movements 170 --continuous
     python benchmarks/movements.py accuracy ros1 --movements 50
+    .venv-ros2/bin/python benchmarks/movements.py late ros2 --movements 3
     .venv-ros2/bin/python benchmarks/movements.py guard ros2 --speed 0.3 --movements 50
 """
 
@@ -29,6 +31,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
@@ -50,6 +53,9 @@ HALL = Site.model_validate(
 )
 ROBOTS = {"simulation": "turtlebot2", "ros1": "turtlebot2", "ros2": "turtlebot4"}
 SPEEDS_M_S = (0.2, 0.3, 0.5)
+_LATE_S, _LATE_ANSWERS = 1.0, 9
+_WAVE_M, _AMPLITUDE_M = 2.4, 0.3
+"""Of `late`: time from image to effect, answers, and the curve that is meant."""
 _ANSWER_S, _CHANGES_ITS_MIND, _LONGEST_APPROACH_S = 0.3, 0.1, 15.0
 """Of `guard --continuous`: time between two answers, probability that one goes elsewhere, and longest approach."""
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
@@ -60,8 +66,9 @@ CLEARANCE_M = 0.25
 
 
 @contextmanager
-def opened(where: str, site: Site, profile: RobotProfile) -> Iterator[Robot]:
+def opened(where: str, site: Site, profile: RobotProfile, *, continuous: bool = False) -> Iterator[Robot]:
     """Yield a simulated robot, in this process or over ROS in other processes."""
+    parameters = ProtocolParameters().executed(Execution()) if continuous else ProtocolParameters()
     if where == "simulation":
         yield SimulatedRobot(site, profile)
         return
@@ -74,7 +81,7 @@ def opened(where: str, site: Site, profile: RobotProfile) -> Iterator[Robot]:
             os.environ.update(environment)
             from vsnbench.robots.ros.robot import RosRobot
 
-            robot = RosRobot(load_profile(str(files["profile"])))
+            robot = RosRobot(load_profile(str(files["profile"])), parameters)
             try:
                 yield robot
             finally:
@@ -172,7 +179,7 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
         base = profile.base.model_copy(update={"max_linear_m_s": max(speed_m_s, profile.base.max_linear_m_s)})
         fast = profile.model_copy(update={"speeds": speeds, "base": base})
         ends = Counter[str]()
-        with opened(where, site, fast) as robot:
+        with opened(where, site, fast, continuous=continuous) as robot:
             for number in range(movements):
                 row, column = free[chance.randrange(len(free))]
                 position = (float(space.x_m[row, column]), float(space.y_m[row, column]))
@@ -196,9 +203,10 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
 
 def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathGuard) -> str:
     """Replace the path every 0.3 s by another one from the robot's pose 0.3 s before; return how it ended."""
-    now_s, captured = robot.observe().stamp_s, robot.observe().pose
-    movements = long_movements(speed_m_s, chance)
-    while now_s < _LONGEST_APPROACH_S:
+    first = robot.observe()
+    now_s, captured = robot.now_s() or first.stamp_s, first.pose
+    end_s, movements = now_s + _LONGEST_APPROACH_S, long_movements(speed_m_s, chance)
+    while now_s < end_s:
         robot.follow(movements[0], captured)
         captured, now_s = robot.observe().pose, now_s + _ANSWER_S
         result = robot.advance(now_s, check)
@@ -210,7 +218,38 @@ def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathG
             if collision:
                 print(f"touched {collision.touched}: {robot.locate().pose} {movements[0]}")
             return "touched" if collision else "blocked" if result.blocked else result.failure
+    robot.come_to_rest()
     return "done"
+
+
+def late(where: str, drives: int) -> None:
+    """Print how far late answers lead a robot from the curve that they mean, by its true poses."""
+
+    def wave(x_m: float) -> tuple[float, float]:
+        return x_m, _AMPLITUDE_M * (1 - math.cos(math.tau * x_m / _WAVE_M))
+
+    with opened(where, HALL, load_profile(ROBOTS[where]), continuous=True) as robot:
+        for number in range(drives):
+            robot.begin(HALL.starts[0], number)
+            start, off_m, ages_s = robot.locate().pose, list[float](), list[float]()
+            for _ in range(_LATE_ANSWERS):
+                seen = robot.observe()
+                here = seen.pose
+                points = (Pose(*wave(here.x_m + 0.05 * k)).relative_to(here).position for k in range(1, 31))
+                answer = Trajectory(tuple(points))
+                for part in range(1, 6):
+                    robot.advance(seen.stamp_s + _LATE_S * part / 5, lambda _view: "")
+                    at = robot.locate().pose.relative_to(start).position
+                    off_m.append(min(math.dist(at, wave(at[0] + 0.005 * k)) for k in range(-80, 81)))
+                ages_s.append((robot.now_s() or seen.stamp_s + _LATE_S) - seen.stamp_s)
+                robot.follow(answer, seen.pose)
+            driven_m = robot.locate().pose.distance_to(start)
+            robot.come_to_rest()
+            print(
+                f"{where}: answers {min(ages_s):.2f} to {max(ages_s):.2f} s old, {driven_m:.2f} m from the start; "
+                f"at most {max(off_m) * 1000:.0f} mm from the curve, mean {np.mean(off_m) * 1000:.0f} mm",
+                flush=True,
+            )
 
 
 def long_movements(speed_m_s: float, chance: random.Random) -> list[Drive]:
@@ -226,7 +265,7 @@ def long_movements(speed_m_s: float, chance: random.Random) -> list[Drive]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["accuracy", "guard"])
+    parser.add_argument("what", choices=["accuracy", "late", "guard"])
     parser.add_argument("where", choices=ROBOTS, nargs="?", default="simulation")
     parser.add_argument("--movements", type=int, default=200)
     parser.add_argument("--speed", type=float, choices=SPEEDS_M_S, help="speed in m/s for `guard`; required over ROS")
@@ -235,6 +274,8 @@ if __name__ == "__main__":
     given = parser.parse_args()
     if given.what == "accuracy":
         accuracy(given.where, given.movements, (given.kind,) if given.kind else KINDS)
+    elif given.what == "late":
+        late(given.where, given.movements)
     elif given.where != "simulation" and given.speed is None:
         parser.error("guard over ROS needs --speed")
     else:

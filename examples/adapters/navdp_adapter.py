@@ -23,6 +23,8 @@ from PIL import Image
 
 DEPTH_UNITS_PER_METRE = 10000.0
 """The server reads depth as 16-bit PNG of tenths of a millimetre; 0 where there is none."""
+TURN_RAD = math.radians(30)
+"""A turn as a waypoint, the size of a discrete one."""
 
 
 class NavDP:
@@ -39,6 +41,7 @@ class NavDP:
         stop_threshold=-3.0,
         weights_label="",
         timeout_s=8.0,
+        turns="discrete",
     ):
         """Set the model up.
 
@@ -50,7 +53,10 @@ class NavDP:
                 upstream's evaluations (eval_imagegoal_wheeled.py:12).
             weights_label: description of the server's checkpoint, which it does not tell.
             timeout_s: time limit of a request.
+            turns: `discrete`, or `waypoint` for `vsnbench run --continuous`, where a turn must replace a path.
         """
+        if turns not in ("discrete", "waypoint"):
+            raise ValueError("turns must be discrete or waypoint")
         if mode not in ("image", "nogoal"):
             raise ValueError("mode must be image or nogoal")
         if not url.startswith(("http://", "https://")):
@@ -64,14 +70,14 @@ class NavDP:
             "name": "navdp",
             "sensors": ["rgb", "depth"],
             "goal_kinds": ["image"] if mode == "image" else ["category", "text"],
-            "action_kinds": ["discrete", "trajectory"],
+            "action_kinds": ["discrete", "trajectory", *([turns] if turns != "discrete" else [])],
             "weights_label": weights_label,
             "settings": {"mode": mode, "horizon_m": horizon_m, "stop_threshold": stop_threshold},
             # The camera of upstream's evaluations (configs/robots/dingo_config.py:48-58): 2 atan(1.88 / (2 * 1.4)).
             "camera": {"horizontal_fov_deg": 67.8, "width": 640, "height": 360},
             "deterministic": False,  # diffusion from the server's own random numbers
         }
-        self.goal = None
+        self.goal, self.turns = None, turns
 
     def begin(self, task):
         """Start an episode: the server forgets the images of the last one."""
@@ -104,7 +110,11 @@ class NavDP:
             # critic refuses all trajectories, x is 0 and y the side to turn to (policy_agent.py:203-205).
             if self.mode == "image" and not path[:, 1].any():
                 return dict(found, action="STOP")
-            return dict(found, action="TURN_LEFT" if path[-1, 1] > 0 else "TURN_RIGHT")
+            is_left = path[-1, 1] > 0
+            if self.turns == "waypoint":
+                turn_rad = TURN_RAD if is_left else -TURN_RAD
+                return dict(found, movement={"kind": "waypoint", "x_m": 0.0, "y_m": 0.0, "heading_rad": turn_rad})
+            return dict(found, action="TURN_LEFT" if is_left else "TURN_RIGHT")
         return dict(found, movement={"kind": "trajectory", "points": _until(path, self.horizon_m).tolist()})
 
     def _post(self, route, body, content_type):

@@ -181,6 +181,15 @@ def test_navdp_turns_where_its_critic_refuses(mode: str, side: float, action: st
     assert answering(turning, mode=mode).act(SEEN)["action"] == action
 
 
+def test_navdp_turns_by_a_waypoint_where_the_robot_drives_on() -> None:
+    turning = np.zeros((1, 24, 3))
+    turning[..., 1] = -1.0
+    model = answering(turning, turns="waypoint")
+    assert model.card["action_kinds"] == ["discrete", "trajectory", "waypoint"]
+    assert model.act(SEEN)["movement"]["heading_rad"] == pytest.approx(-math.pi / 6)
+    assert "turns" not in model.card["settings"]
+
+
 def test_a_zero_trajectory_of_an_image_goal_means_stop() -> None:
     zeroed = np.zeros((1, 24, 3))
     zeroed[..., 2] = 0.3  # upstream keeps the headings

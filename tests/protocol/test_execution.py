@@ -31,6 +31,17 @@ def test_the_execution_is_part_of_the_protocol_and_stop_and_go_keeps_its_content
     )
 
 
+def test_an_option_changes_the_latency_of_a_protocol_and_keeps_the_rest() -> None:
+    lab = ProtocolParameters(execution=Execution(latency_s=0.1, max_answer_age_s=1.0, frames_hz=4.0))
+    assert lab.executed(parse_continuous("0.3")).execution == Execution(
+        latency_s=0.3, max_answer_age_s=1.0, frames_hz=4.0
+    )
+    assert lab.executed(parse_continuous("measured")).execution == Execution(max_answer_age_s=1.0, frames_hz=4.0)
+    with pytest.raises(UsageError) as refused:
+        lab.executed(parse_continuous("2"))
+    assert refused.value.code == "invalid-latency"
+
+
 @pytest.mark.parametrize("text", ["-1", "1e9", "5.1", "nan", "inf", "", "0.3s"])
 def test_a_latency_that_lets_no_answer_take_effect_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(UsageError) as refused:

@@ -11,7 +11,7 @@ from tests.robots.drives import FAULTS, FAULTS_IN_FLIGHT, FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
 from tests.robots.faulty_rig import STOPS_WITHIN_S, Ending
 from tests.robots.ros1_rig import Rig, live_rig
-from tests.ros.ros1.network import HERE, wait_until
+from tests.ros.ros1.network import HERE, PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.ros
 CAMERA_SILENT_S = 1.0
@@ -98,6 +98,50 @@ def test_a_killed_client_leaves_a_base_at_rest(rig: Rig, movement: str) -> None:
     times = rig.zeroed_after(killed_s), rig.stood_after(killed_s)
     rig.table.rows.append(FaultRow(f"{movement}: vsnbench killed", *times, "interrupted", ""))
     assert max(times) < STOPS_WITHIN_S
+
+
+@pytest.mark.parametrize(
+    "fault", ["bumper", *(pytest.param(name, marks=pytest.mark.long) for name in FAULTS if name != "bumper")]
+)
+def test_a_fault_of_the_base_ends_driving_on(rig: Rig, fault: str) -> None:
+    """The robot drives on, with a new path every 0.3 s."""
+    says, sensor_lost = FAULTS[fault]
+    end = rig.end_by(lambda: rig.fault("base", fault), says, "drive_on", IN_FLIGHT["waypoint"])
+    end.check(says)
+    assert end.result["sensor_lost"] is sensor_lost
+    rig.row(f"driving on: {fault}", end.result, end.times, "–", "–")
+
+
+@pytest.mark.long
+def test_a_silent_camera_blocks_driving_on(rig: Rig) -> None:
+    end = rig.end_by(lambda: rig.fault("camera", "silent"), "no depth image", "drive_on", IN_FLIGHT["waypoint"])
+    end.check("no depth image")
+    assert end.result["blocked"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_client_that_is_gone_leaves_a_base_that_drove_on_at_rest(rig: Rig, number: signal.Signals) -> None:
+    """The node stops the base; the resumed client does not continue."""
+    future = rig.moving("drive_on", IN_FLIGHT["waypoint"])
+    rig.client.popen.send_signal(number)
+    gone_s = time.monotonic()
+    times = rig.zeroed_after(gone_s), rig.stood_after(gone_s)
+    if number is signal.SIGSTOP:
+        wait_until(lambda: time.monotonic() - gone_s > 2.0, "the client is stopped for a while")
+        stood_at = rig.true_pose
+        rig.client.popen.send_signal(signal.SIGCONT)
+        assert future.result(PATIENCE_S)["completed"] is False
+        assert math.dist(rig.true_pose[:2], stood_at[:2]) < 0.005
+    rig.table.rows.append(FaultRow(f"driving on: vsnbench {number.name}", *times, "", ""))
+    assert max(times) < STOPS_WITHIN_S
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_lost_server_stops_a_base_that_drove_on(rig: Rig, ending: signal.Signals) -> None:
+    end = rig.end_by(lambda: rig.signalled(ending), "has not steered", "drive_on", IN_FLIGHT["waypoint"])
+    end.check("has not steered")
 
 
 def test_a_server_like_upstreams_executes_discrete_actions_only(rig: Rig) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.robots.drives import DRIVING_ON, check_answers
 from tests.ros.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
 from vsnbench.sites.site import embedded_sites
 
@@ -73,6 +74,15 @@ def test_an_unattended_run_records_estimated_distances(stack) -> None:
     assert reason == "step_limit"
     assert source == "estimated"
     assert stack.rows("select count(*) from step") == [(2,)]
+
+
+@pytest.mark.long
+def test_a_run_that_drives_on_is_recorded_with_the_ages_of_its_answers(stack) -> None:
+    """The node next to the base follows the paths while the model thinks."""
+    run = stack.run("--model", "oracle-waypoints", *DRIVING_ON, "--unattended")
+    assert run.wait(180) == 0, run.output
+    assert stack.rows("select end_reason from verdict") == [("time_limit",)]
+    check_answers(stack.rows("select stamp_s, movement, duration_s from step order by number"))
 
 
 @pytest.mark.parametrize(("number", "limit_s"), [(signal.SIGTERM, 1.0), (signal.SIGINT, 1.0), (signal.SIGKILL, 2.0)])

@@ -10,7 +10,8 @@ from sqlalchemy import Engine
 
 from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
-from vsnbench.results.files.images import StampedPose, tum_line
+from vsnbench.results.files.film import StampedPose
+from vsnbench.results.files.images import tum_line
 from vsnbench.results.model import Episode
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes

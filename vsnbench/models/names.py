@@ -11,6 +11,7 @@ BUILT_IN: dict[str, str] = {
     "oracle-waypoints": "vsnbench.models.baselines.waypoint_oracle:WaypointOracle",
     "pirlnav": "vsnbench.models.pirlnav.policy:PIRLNav",
     "frontier": "vsnbench.models.baselines.frontier:Frontier",
+    "frontier-waypoints": "vsnbench.models.baselines.waypoint_frontier:WaypointFrontier",
     "vlv": "vsnbench.models.vlv.policy:VLV",
 }
 """Name -> class."""

@@ -7,7 +7,14 @@ replaces the running path without a stop. In stop-and-go execution, the default,
 from collections.abc import Mapping
 from typing import Any, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from vsnbench.errors import UsageError
 from vsnbench.values.action import ActionKind
@@ -39,6 +46,17 @@ class Execution(BaseModel):
     )
     max_rate_hz: float = Field(default=10.0, gt=0, le=50, description="the model is called at most this often")
     max_answer_age_s: float = Field(default=5.0, gt=0, le=60, description="an older answer is dropped as stale")
+    frames_hz: float | None = Field(
+        default=None, gt=0, le=30, description="rate of images that are kept between the answers; none: no others"
+    )
+
+    @model_serializer(mode="wrap")
+    def _omit_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit defaults of fields that were added later, so that hashes of campaigns do not change."""
+        content: dict[str, Any] = serialize(self)
+        if self.frames_hz is None:
+            content.pop("frames_hz", None)
+        return content
 
     @property
     def text(self) -> str:
@@ -62,7 +80,7 @@ def parse_continuous(text: str) -> Execution:
         UsageError: it is neither, or no answer could take effect (`invalid-latency`).
     """
     if text.strip() == MEASURED:
-        return Execution()
+        return Execution(latency_s=None)
     most_s = Execution().max_answer_age_s
     try:
         latency_s = float(text)

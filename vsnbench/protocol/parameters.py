@@ -14,6 +14,7 @@ from pydantic import (
     model_validator,
 )
 
+from vsnbench.errors import UsageError
 from vsnbench.protocol.execution import CONTINUOUS, SECONDS_PER_ACTION, STOP_AND_GO, Execution
 from vsnbench.values.action import Action
 from vsnbench.values.movement import Move
@@ -128,11 +129,24 @@ class ProtocolParameters(BaseModel):
         return self if max_actions is None else self.model_copy(update={"max_actions": max_actions})
 
     def executed(self, execution: Execution | None) -> Self:
-        """Return these parameters with another execution; unchanged for None."""
+        """Return these parameters with what is set of another execution; unchanged for None.
+
+        Raises:
+            UsageError: no answer could take effect (`invalid-latency`).
+        """
         if execution is None:
             return self
         content = {name: value for name, value in self.model_dump().items() if name != "version"}
-        return self.model_validate({**content, "execution": execution.model_dump()})
+        own = {} if self.execution is None else dict(self.execution)
+        merged = own | {name: getattr(execution, name) for name in execution.model_fields_set}
+        if (latency_s := merged.get("latency_s")) is not None and latency_s > merged.get("max_answer_age_s", math.inf):
+            raise UsageError(
+                f"--continuous {latency_s:g}: protocol {self.name} drops answers older than max_answer_age_s, "
+                f"{merged['max_answer_age_s']:g} s",
+                advice="give a smaller latency",
+                code="invalid-latency",
+            )
+        return self.model_validate({**content, "execution": merged})
 
     @property
     def time_limit_s(self) -> float | None:

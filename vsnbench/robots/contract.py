@@ -160,6 +160,13 @@ class Robot(ABC):
             watch: decides whether the way ahead is free; None for an action that was checked before it began.
         """
 
+    def now_s(self) -> float | None:
+        """Return the time on the clock of `Observation.stamp_s`; None where time passes only in motions.
+
+        Called only if `drives_on` is True. On a real robot time passes while a model thinks.
+        """
+        return None
+
     def follow(self, movement: Drive, anchor: Pose | None = None) -> None:
         """Replace the running path without a stop, and return at once; time passes in `advance`.
 
@@ -174,6 +181,9 @@ class Robot(ABC):
 
     def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
         """Drive on until a time on the robot's clock, and return the motion since the call.
+
+        Where time passes between two calls, the motion is that since the last call, or since the capture of the first
+        image. `watch` then also checks the way between the calls.
 
         Called only if `drives_on` is True, like `follow`.
 
@@ -208,7 +218,8 @@ class Robot(ABC):
     def preview(self) -> npt.NDArray[np.uint8] | None:
         """Return the newest camera image (H, W, 3), or None if there is no new one.
 
-        Called from any thread, during motions too, if `has_preview` is True.
+        Called from any thread, during motions too, if `has_preview` is True. If `drives_on` is True, also called
+        between two calls of `advance`, from their thread, for a film.
         """
         return None
 

@@ -16,14 +16,12 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, Robot, Watch
 from vsnbench.robots.driving_on import LOOK_PERIOD_S, DrivingOn
+from vsnbench.robots.simulated_camera import SimulatedCamera
 from vsnbench.robots.simulated_mover import SimulatedMover
-from vsnbench.sensing.images.rectifier import levelled
 from vsnbench.sensing.movement_check import displacement_m, remaining_m
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
-from vsnbench.simulator.dynamics.noise import NoiseSettings, noisy_depth
+from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
-from vsnbench.simulator.rendering.renderer import Frame, Renderer
-from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import ActionKind
@@ -31,8 +29,8 @@ from vsnbench.values.camera import Camera
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import STOP, Drive, holds_heading
-from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
-from vsnbench.values.pose import LEVEL, Pose
+from vsnbench.values.observation import Observation, Sensor
+from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
 from vsnbench.values.robot_profile import IDEAL_BASE, RobotProfile
 
@@ -70,10 +68,7 @@ class SimulatedRobot(Robot):
         self.site = site
         self.profile = profile
         self.noise = noise
-        self._knows_attitude = getattr(profile.interface, "attitude", None) is not None
         self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
-        self._draws_labels = Sensor.INSTANCES in read or noise is not None
-        self._draws_colours = self._draws_labels or Sensor.RGB in read
         self.conditions: Mapping[str, Any] = (
             {"simulator": simulator_version()}
             | ({} if noise is None else {"noise": noise.model_dump(mode="json")})
@@ -84,11 +79,9 @@ class SimulatedRobot(Robot):
         scene = build_scene(site)
         dynamics = profile.dynamics or IDEAL_BASE
         self._base = DrivenBase(scene, profile.base, dynamics, None if noise is None else noise.odometry)
+        self._camera = SimulatedCamera(scene, site, profile, self._base, noise, read)
         self._mover: SimulatedMover | None = None
         self._physics = self._base.physics
-        self._renderer = Renderer(scene)
-        self._shininess = scene.shininess(len(site.objects))
-        self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
         self._odometry_period_s = 1 / profile.base.odometry_rate_hz
         self._begun = False
         self._motion: _Motion | None = None
@@ -107,8 +100,7 @@ class SimulatedRobot(Robot):
             RobotError: the robot touches something there.
         """
         drift_seed, depth_seed, other_depth_seed = np.random.SeedSequence(seed).spawn(3)
-        self._depth_rng = np.random.default_rng(depth_seed)
-        self._other_depth_rng = np.random.default_rng(other_depth_seed)
+        self._camera.begin(depth_seed, other_depth_seed)
         self._base.place(start.pose, np.random.default_rng(drift_seed))
         if touch := self._physics.touch():
             raise RobotError(
@@ -128,43 +120,16 @@ class SimulatedRobot(Robot):
         """Return the camera's images and the odometry."""
         self._require_begun()
         self._motion = None
-        return self._view(self.profile.camera.without_roll, self._depth_rng)
+        return self._camera.observe(self._odometry.wrapped)
 
     def view_from(self, camera: Camera) -> Observation:
         """Return the images of a camera that is mounted otherwise, with noise of its own, and the odometry."""
         self._require_begun()
-        return self._view(camera.without_roll, self._other_depth_rng)
+        return self._camera.observe(self._odometry.wrapped, camera)
 
-    def _view(self, camera: Camera, depth_rng: np.random.Generator) -> Observation:
-        here, attitude = self._physics.pose, self._base.attitude
-        colours: dict[str, Any] = {}
-        if self._draws_colours:
-            view = (self._renderer.render if self._draws_labels else self._renderer.look)(camera, here, attitude)
-            depth_m = view.depth_m
-            colours = {"rgb": view.rgb, "instances": None}
-            if isinstance(view, Frame):
-                depth_m = self._with_noise(view, depth_rng)
-                colours["instances"] = InstanceImage(view.instance, self._categories)
-        else:
-            depth_m = self._renderer.measure(camera, here, attitude)
-        beyond_range = depth_m > np.float32(camera.depth_max_m)
-        mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        pose = self._odometry.wrapped
-        rectifier, camera = levelled(camera, attitude if self._knows_attitude else LEVEL)
-        if rectifier is not None:
-            depth_m, beyond_range = rectifier.depth(depth_m), rectifier.labels(beyond_range)
-            if "rgb" in colours:
-                colours["rgb"] = rectifier.image(colours["rgb"])
-            if (labels := colours.get("instances")) is not None:
-                colours["instances"] = InstanceImage(rectifier.labels(labels.ids), labels.categories)
-        return observation_of(
-            self._physics.time_s, camera, depth_m=depth_m, pose=pose, beyond_range=beyond_range, **colours
-        )
-
-    def _with_noise(self, view: Frame, rng: np.random.Generator) -> npt.NDArray[np.float32]:
-        if self.noise is None:
-            return view.depth_m
-        return noisy_depth(view.depth_m, view.rgb, self._shininess[view.instance], self.noise.depth, rng)
+    def preview(self) -> npt.NDArray[np.uint8] | None:
+        """Return the colours of now; only from the thread that drives the robot."""
+        return self._camera.frame()
 
     def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
         """Execute a movement leg by leg. A contact stops it at once, and so does `watch`."""
@@ -306,14 +271,7 @@ class SimulatedRobot(Robot):
 
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""
-        camera, attitude = self.profile.camera.without_roll, self._base.attitude
-        if self.noise is None:
-            depth_m = self._renderer.measure(camera, self._physics.pose, attitude)
-        else:
-            depth_m = self._with_noise(self._renderer.render(camera, self._physics.pose, attitude), self._depth_rng)
-        mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
-        rectifier, camera = levelled(camera, attitude if self._knows_attitude else LEVEL)
-        depth_m = depth_m if rectifier is None else rectifier.depth(depth_m)
+        depth_m, camera = self._camera.measure()
         return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
 
     def locate(self) -> Fix:

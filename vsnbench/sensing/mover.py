@@ -62,11 +62,11 @@ class Mover:
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._send = send
-        self._settings = settings
+        self.settings = settings
         self._tracker = tracker
         self._now_s = now_s
         self._sleep_until = sleep_until
-        self._monotonic_s = monotonic_s
+        self.monotonic_s = monotonic_s
         self._clock = ClockOffset()
         self._senses = MoverSenses()
         self._lock = threading.Lock()
@@ -79,7 +79,7 @@ class Mover:
         self._odometry_seen_s = -math.inf
         self._periods_s: deque[float] = deque(maxlen=20)
         self._rest = RestReadings()
-        self._response = ResponseMeter()
+        self.response = ResponseMeter()
         self._driven: list[tuple[float, Pose]] | None = None
         """Readings since the running movement began."""
 
@@ -90,7 +90,7 @@ class Mover:
             if self._tracker.latest is not None:
                 self._periods_s.append(stamp_s - self._tracker.latest.stamp_s)
             fault = self._tracker.add(x_m, y_m, heading_rad, stamp_s, arrival_s)
-            self._odometry_seen_s = self._monotonic_s()
+            self._odometry_seen_s = self.monotonic_s()
             if fault is not None:
                 self._senses.odometry_fault = fault
             if fault is None or not fault.is_dropped:
@@ -141,11 +141,11 @@ class Mover:
             caller_gone: returns whether the caller has disconnected, which ends the movement.
             timeout_s: longest duration, if it is shorter than `longest_duration_s`.
         """
-        if refused := refusal(movement, self._settings):
+        if refused := refusal(movement, self.settings):
             return _failed(refused)
         holds = holds_heading(movement)
         if not holds:
-            timeout_s = min(timeout_s, longest_duration_s(movement, self._settings))
+            timeout_s = min(timeout_s, longest_duration_s(movement, self.settings))
         ticket = self._take_ticket(f"pre-empted by another movement: {movement_text(movement)}")
         with self._moving:
             began_s = self._now_s()
@@ -167,6 +167,42 @@ class Mover:
                     self.forget_heading()
                 self._send(STANDSTILL)
 
+    def steer(self, step: Callable[[Pose, float, float], Command | None]) -> MotionResult:
+        """Command what `step` returns in each control period, until it returns None or the base must stop.
+
+        Args:
+            step: takes the odometry, the time and the time of the odometry on the same clock; returns a velocity.
+        """
+        ticket = self._take_ticket("pre-empted by a path")
+        with self._moving:
+            with self._lock:
+                self._senses.begin()
+                if hazard := self._senses.forbidden(backs_off=False):
+                    return _failed(hazard)
+            last_s = self._now_s()
+            try:
+                while True:
+                    now_s = self._now_s()
+                    if now_s - last_s > _LONGEST_PAUSE_S:
+                        return _failed(_paused(now_s - last_s))
+                    last_s = now_s
+                    if ended := self._end_of(ticket):
+                        return ended
+                    with self._lock:
+                        reading = self._tracker.latest
+                        stamp_s = 0.0 if reading is None else self._clock.to_local(reading.stamp_s)
+                    if reading is None:
+                        return _failed("no odometry: check the driver of the base", sensor_lost=True)
+                    command = step(reading.pose, now_s, stamp_s)
+                    if command is None:
+                        return MotionResult(completed=True)
+                    if command != STANDSTILL:
+                        self.take_other_command()
+                    self._send(self.settings.sendable(command))
+                    self._sleep_until(now_s + self.settings.control_period_s)
+            finally:
+                self._send(STANDSTILL)
+
     def _drive(self, movement: Drive, end: Callable[[], MotionResult | None]) -> MotionResult:
         """Execute the legs of a movement; `end` returns its result if it has to end at once."""
         plan: LegPlan | None = None
@@ -177,7 +213,7 @@ class Mover:
                 pose = None if latest is None else self._rest.mean(latest.pose)
             if pose is None:
                 return _failed("no odometry: check the driver of the base", sensor_lost=True)
-            plan = plan or LegPlan(movement, pose, self._settings)
+            plan = plan or LegPlan(movement, pose, self.settings)
             leg = plan.next(pose)
             if leg is None:
                 return MotionResult(not plan.failure, failure=plan.failure, corrections=corrections)
@@ -194,11 +230,11 @@ class Mover:
 
     def _move(self, leg: Leg, end: Callable[[], MotionResult | None]) -> MotionResult:
         """Execute one leg."""
-        settings = leg.settings(self._settings)
+        settings = leg.settings(self.settings)
         with self._lock:
             self._senses.begin()
             reading = self._tracker.latest
-            silent_s = self._monotonic_s() - self._odometry_seen_s
+            silent_s = self.monotonic_s() - self._odometry_seen_s
             hazard = self._senses.forbidden(backs_off=leg.backs_off)
         if reading is None or silent_s > settings.odometry_timeout_s:
             what = "no odometry" if reading is None else f"no odometry for {silent_s:.1f} s"
@@ -214,7 +250,7 @@ class Mover:
             start_error = self._held.error_rad if leg.turns else start.error(turns=False)
         end_rad = leg.end_rad(held_rad)
         settings = settings.model_copy(update={"settle_s": max(settings.settle_s, self._settling_s())})
-        response = self._response.response
+        response = self.response.response
         controller = controller_of(leg, start.pose, end_rad, settings, start.noise, start_error, response)
         sensor_lost, ended_by_itself = False, False
         with self._lock:
@@ -226,7 +262,7 @@ class Mover:
             while controller.status is MotionStatus.MOVING:
                 now_s = self._now_s()
                 if now_s - last_s > _LONGEST_PAUSE_S:
-                    controller.abort(f"the control loop paused for {now_s - last_s:.1f} s: its machine is overloaded")
+                    controller.abort(_paused(now_s - last_s))
                     break
                 last_s = now_s
                 with self._lock:
@@ -252,7 +288,7 @@ class Mover:
                 self._rest.rests(min(controller.rest_since_s, self._now_s() + ROLL_OUT_S))
         if isinstance(controller, MotionController) and ended_by_itself:
             slowest, lateral = controller.slowest, leg.is_lateral
-            self._response.add(slowest, start.pose, commands, driven, turns=leg.turns, is_lateral=lateral)
+            self.response.add(slowest, start.pose, commands, driven, turns=leg.turns, is_lateral=lateral)
         return MotionResult(
             controller.done,
             failure=controller.failure,
@@ -294,8 +330,8 @@ class Mover:
     def _end_of(self, ticket: int) -> MotionResult | None:
         """Return the result of the running movement if the base or another movement ends it, or None."""
         with self._lock:
-            silent_s = self._monotonic_s() - self._odometry_seen_s
-            failure, sensor_lost = self._senses.failure(silent_s, self._settings.odometry_timeout_s)
+            silent_s = self.monotonic_s() - self._odometry_seen_s
+            failure, sensor_lost = self._senses.failure(silent_s, self.settings.odometry_timeout_s)
             preempted = self._stopped or (self._ticket_of if self._ticket != ticket else "")
         return _failed(failure or preempted, sensor_lost=sensor_lost) if failure or preempted else None
 
@@ -304,6 +340,10 @@ class Mover:
         with self._lock:
             period_s = statistics.median(self._periods_s) if self._periods_s else 0.0
         return min(max(_SETTLING_READINGS * period_s, 0.0), _LONGEST_SETTLING_S)
+
+
+def _paused(pause_s: float) -> str:
+    return f"the control loop paused for {pause_s:.1f} s: its machine is overloaded"
 
 
 def _failed(reason: str, *, sensor_lost: bool = False) -> MotionResult:

@@ -33,14 +33,15 @@ class Camera(BaseModel):
     )
     depth_min_m: float = Field(default=0.0, ge=0, description="nearer depth is invalid, metres")
     depth_max_m: float = Field(default=10.0, gt=0, description="farther depth is invalid, metres")
+    exposure_s: float = Field(
+        default=0.0, ge=0, le=0.2, description="time for which simulated colours are exposed: they blur with motion"
+    )
 
     @model_serializer(mode="wrap")
-    def _without_default_roll(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Omit a roll of 0, so that hashes of profiles do not change."""
+    def _without_later_zeros(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit zeros of fields that older profiles did not have, so that hashes of profiles do not change."""
         content: dict[str, Any] = handler(self)
-        if not self.roll_deg:
-            content.pop("roll_deg", None)
-        return content
+        return {name: value for name, value in content.items() if value or name not in ("roll_deg", "exposure_s")}
 
     @property
     def without_roll(self) -> Self:

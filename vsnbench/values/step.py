@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import MotionResult
@@ -45,6 +48,18 @@ def lasted_s(stamp_s: float, result: MotionResult | None, answer: AnswerTiming |
 def taken_action(action: Action, answer: AnswerTiming | None) -> Action:
     """Return the action that took effect: NOOP for an answer that was dropped as stale."""
     return Action.NOOP if answer is not None and answer.stale else action
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilmFrame:
+    """An image between two answers of a robot that drives on; no model sees it."""
+
+    stamp_s: float
+    """Time on the robot's clock."""
+    pose: Pose
+    """Pose of the robot in the site."""
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3)."""
 
 
 @dataclass(frozen=True, slots=True)

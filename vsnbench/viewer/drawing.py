@@ -135,6 +135,11 @@ class EpisodeDrawing:
             log("distance/success_under", rr.Scalars, scalars=[self._header.parameters.success_distance_m])
         self._decision(entry)
         self._log_text("status", self._status_text(entry, distance))
+        for frame in entry.film:
+            self._set_time(entry.step.number, frame.moment.stamp_s)
+            if frame.rgb_jpeg is not None:
+                log("camera/rgb", rr.EncodedImage, blob=[frame.rgb_jpeg], media_type=["image/jpeg"])
+            self._plan.draw_robot(frame.moment.pose)
 
     def _log_text(self, entity: str, text: str) -> None:
         self._log.log(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])

@@ -71,7 +71,7 @@ class FloorPlan:
         """
         header = self._header
         here = self._robot.pose
-        self._draw_robot(here)
+        self.draw_robot(here)
         if entry.step.world is not None:
             there = entry.step.world.pose
             progress = min(1.0, _used(entry.step, header.parameters))
@@ -93,14 +93,15 @@ class FloorPlan:
     def draw_end(self, verdict: Verdict) -> None:
         """Log the end position in the colour of the verdict."""
         here = self._robot.pose
-        self._draw_robot(here)
+        self.draw_robot(here)
         color = VOID_RGB if verdict.success is None else SUCCESS_RGB if verdict.success else FAILURE_RGB
         label = verdict.end_reason.value.replace("_", " ")
         self._log.stream.log(
             "plan/end", rr.Points2D([here.position], colors=color, radii=0.08, labels=[label], draw_order=50.0)
         )
 
-    def _draw_robot(self, here: Pose) -> None:
+    def draw_robot(self, here: Pose) -> None:
+        """Log where the robot is."""
         shell = _circle(here, self._header.robot_radius_m)
         self._log.log("plan/robot/shell", rr.LineStrips2D, strips=[shell], colors=[ROBOT_RGB], radii=[0.025])
         self._log.log("plan/robot/heading", rr.Arrows2D, **_heading_arrow(here, ROBOT_RGB, 0.45))

@@ -1,7 +1,7 @@
 """Reads a recorded episode as the entries that a live viewer receives."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vsnbench.errors import RecordError
@@ -10,6 +10,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
+from vsnbench.results.files.film import film_of, film_path
 from vsnbench.results.files.image_set import ImageFault, image_faults
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.model import EpisodeRecord
@@ -73,7 +74,15 @@ def replay_of(results: ResultsDirectory, episode: EpisodeRecord, steps: tuple[St
     entries = [*_steps_and_events(episode, steps, directory if images else None), *_end(episode)]
     faults: list[ImageFault] = []
     if images:
-        digests = [StepDigests(step.number, step.rgb_digest, step.depth_digest) for step in steps]
+        digests = [
+            StepDigests(
+                step.number,
+                step.rgb_digest,
+                step.depth_digest,
+                film=tuple(frame.file_digest for frame in film_of(step.details)),
+            )
+            for step in steps
+        ]
         faults = image_faults(directory, digests, read=False)
     return EpisodeReplay(_header(episode), tuple(entries), directory, tuple(faults))
 
@@ -127,6 +136,10 @@ def _step(step: StepRecord, images: Path | None) -> StepEntry:
         decision_from_record(step.action, step.raw_action, step.probabilities, step.details),
         read_confined(images, rgb_path(Path(), step.number)) if images else None,
         read_confined(images, depth_path(Path(), step.number)) if images else None,
+        tuple(
+            replace(frame, rgb_jpeg=read_confined(images, film_path(Path(), step.number, place)) if images else None)
+            for place, frame in enumerate(film_of(step.details), start=1)
+        ),
     )
 
 

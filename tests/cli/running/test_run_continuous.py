@@ -11,7 +11,8 @@ import pytest
 from tests.cli.test_record_verbs import Done, vsnbench
 
 TRIALS = ("--model", "oracle-waypoints", "--goal", "chair", "--max-steps", "4", "--robot", "simulated:turtlebot2@64x48")
-RUN = ("run", *TRIALS, "--starts", "1-2", "--continuous", "0.4", "--keep", "images", "--quiet")
+FILMED = ("--protocol", str(Path(__file__).with_name("filmed.yaml")), "--continuous", "0.4", "--keep", "images")
+RUN = ("run", *TRIALS, "--starts", "1-2", *FILMED, "--quiet")
 
 
 def steps(results: Path) -> list[tuple[Any, ...]]:
@@ -52,6 +53,21 @@ def test_every_step_is_an_answer_with_its_age_and_the_waiting_time(ran: Path) ->
     assert "0.40 s old (median) when they took effect" in text
 
 
+def test_a_film_has_the_frames_between_the_answers_and_a_video_shows_them(ran: Path) -> None:
+    import av
+
+    files = sorted(path.name for path in ran.glob("episodes/*/film/*.jpg"))
+    assert 2 * 36 <= len(files) <= 2 * 41, "5 Hz for 8 s, twice"
+    assert files[0] == "0001-001.jpg"
+    video = ran.parent / "film.mp4"
+    done = vsnbench(ran, "export", "video", "1", "--output", str(video), "--size", "web")
+    assert done.returncode == 0, done.stderr
+    with av.open(str(video)) as opened:
+        shown = sum(1 for _ in opened.decode(video=0))
+    film = len(list(ran.glob("episodes/000001/film/*.jpg")))
+    assert shown == film + 1 + 8, "the first image, the film, and 2 s of the result"
+
+
 def test_reports_and_lists_never_pool_executions_and_name_them_in_a_word(ran: Path) -> None:
     models = shown(vsnbench(ran, "report", "--format", "json"))["models"]
     assert {model["execution"]: model["campaigns"] for model in models} == {"continuous": [1], "stop_and_go": [2]}
@@ -73,3 +89,15 @@ def test_two_workers_give_the_same_bits_as_one(ran: Path, tmp_path: Path) -> Non
     own = steps(tmp_path)
     assert own
     assert own == [row for row in steps(ran) if "answer" in (row[4] or "")]
+
+
+@pytest.mark.long
+def test_frontier_by_waypoints_gives_the_same_bits_with_one_and_two_workers(tmp_path: Path) -> None:
+    found = []
+    for workers in ("1", "2"):
+        words = [word.replace("oracle-waypoints", "frontier-waypoints") for word in RUN]
+        done = vsnbench(tmp_path / workers, *words, "--workers", workers)
+        assert done.returncode == 0, done.stderr
+        found.append(steps(tmp_path / workers))
+    assert len(found[0]) > 30
+    assert found[0] == found[1]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from vsnbench.robots.profiles import load_profile
-from vsnbench.robots.ros.image_timing import RateWatch, missing_images, rate_needed_hz
+from vsnbench.robots.ros.image_timing import RateWatch, missing_images, rate_needed_hz, unfit_while_driving
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
@@ -82,6 +82,19 @@ def test_the_rate_that_an_observation_needs_grows_with_the_delay() -> None:
     assert rate_needed_hz(NAMES, NAMES.color) == pytest.approx(0.3)
     assert rate_needed_hz(NAMES, NAMES.depth, 2.0) == pytest.approx(7.5)
     assert rate_needed_hz(NAMES, NAMES.depth, 4.0) == float("inf")
+
+
+@pytest.mark.parametrize(
+    ("age_s", "code"),
+    [(0.02, None), (0.3, None), (-0.2, None), (2.0, "clocks-apart"), (-2.0, "clocks-apart"), (ROBOT_S, "no-stamps")],
+    ids=["in time", "late", "a little ahead", "behind", "ahead", "without stamps"],
+)
+def test_a_robot_that_drives_on_needs_images_on_the_clock_of_its_odometry(age_s: float, code: str | None) -> None:
+    now = reports(age_s=age_s)
+    if code == "no-stamps":
+        now = replace(now, depths=tuple(replace(image, stamp_s=0.0) for image in now.depths), colors=())
+    fault = unfit_while_driving(NAMES, now)
+    assert (None if fault is None else fault.code) == code
 
 
 def heard(seconds: float, camera_hz: float, before: RobotSnapshot | None = None) -> RobotSnapshot:

@@ -71,7 +71,7 @@ def captured(attitudes: list[Attitude | str | None], source: dict[str, str] | No
     end = MotionEnd(9.0, time.monotonic() - 1)
     for number, attitude in enumerate(attitudes):
         link.send(10 + 0.2 * number, attitude)
-    return camera.capture(end, lambda: Pose(0.0, 0.0))
+    return camera.capture(end, lambda _: Pose(0.0, 0.0))
 
 
 FROM_ODOMETRY = {"topic": "odom"}

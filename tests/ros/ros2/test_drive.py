@@ -135,3 +135,51 @@ def test_a_killed_workstation_leaves_a_base_at_rest(rig: Rig2, movement: str) ->
     rig.table.rows.append(FaultRow(f"{movement}: workstation killed", zeroed_s, stood_s, "interrupted", ""))
     assert stood_s < STOPS_WITHIN_S
     assert is_at(rig.robot, stood_at)
+
+
+@pytest.mark.parametrize(
+    "fault", ["bumper", *(pytest.param(name, marks=pytest.mark.long) for name in FAULTS if name != "bumper")]
+)
+def test_a_fault_of_the_base_ends_driving_on(rig: Rig2, fault: str) -> None:
+    """The robot drives on, with a new path every 0.3 s."""
+    says, sensor_lost = FAULTS[fault]
+    end = rig.end_by(lambda: send_line(rig.robot, fault), says, "drive_on", IN_FLIGHT["waypoint"])
+    end.check(says)
+    assert end.result["sensor_lost"] is sensor_lost
+    row = FaultRow(f"driving on: {fault}", *end.times, end.result["end_reason"], end.why)
+    rig.table.rows.append(row)
+
+
+@pytest.mark.long
+def test_a_silent_camera_blocks_driving_on(rig: Rig2) -> None:
+    end = rig.end_by(lambda: send_line(rig.robot, "blind"), "no depth image", "drive_on", IN_FLIGHT["waypoint"])
+    end.check("no depth image")
+    assert end.result["blocked"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_workstation_that_is_gone_leaves_a_base_that_drove_on_at_rest(rig: Rig2, number: signal.Signals) -> None:
+    """The base's own limit, or the node next to it, stops it; the resumed workstation does not continue."""
+    if rig.node is None:
+        send_line(rig.robot, "timeout 0.5")
+    future = rig.moving("drive_on", IN_FLIGHT["waypoint"])
+    gone_s = time.monotonic()
+    rig.client.popen.send_signal(number)
+    stood_s = rig.stood_after(gone_s)
+    wait_until(lambda: time.monotonic() - gone_s > 2.0, "the workstation is gone for a while")
+    stood_at = true_pose(rig.robot)
+    if number is signal.SIGSTOP:
+        rig.client.popen.send_signal(signal.SIGCONT)
+        assert future.result(PATIENCE_S)["completed"] is False
+    rig.table.rows.append(FaultRow(f"driving on: workstation {number.name}", rig.zeroed_after(gone_s), stood_s, "", ""))
+    assert is_at(rig.robot, stood_at)
+    assert stood_s < STOPS_WITHIN_S
+
+
+@NEXT_TO_BASE
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_node_that_is_gone_stops_a_base_that_drove_on(rig: Rig2, number: signal.Signals) -> None:
+    end = rig.end_by(lambda: signalled(rig, number), "has not steered", "drive_on", IN_FLIGHT["waypoint"])
+    end.check("has not steered")

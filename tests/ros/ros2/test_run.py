@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.processes import Process, wait_until
+from tests.robots.drives import DRIVING_ON, check_answers
 from tests.ros.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
 
 pytestmark = pytest.mark.ros2
@@ -72,6 +73,16 @@ def test_a_killed_run_leaves_a_robot_at_rest(graph, tmp_path) -> None:
     sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
     assert stood_s < AT_REST_S
     assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
+
+
+@pytest.mark.long
+def test_a_run_that_drives_on_is_recorded_with_the_ages_of_its_answers(graph, tmp_path) -> None:
+    """The workstation steers the base while the model thinks."""
+    words = ["run", "--robot", "turtlebot4@robot1", "--model", "oracle-waypoints", "--goal", "sofa", *DRIVING_ON]
+    done = graph.vsnbench(*words, "--results", tmp_path)
+    assert done.wait(200) == 0, done.output
+    assert rows(tmp_path, "select end_reason, distance_source from verdict") == [("time_limit", "simulated")]
+    check_answers(rows(tmp_path, "select stamp_s, movement, duration_s from step order by number"))
 
 
 def actions(results: Path) -> list[tuple]:

@@ -113,7 +113,10 @@ def ran(
     camera = profile.camera.model_copy(update={"width": 160, "height": 120})
     parameters = ProtocolParameters(max_actions=max_actions).executed(Execution(latency_s=latency_s, **execution))
     robot = SimulatedRobot(
-        site, profile.model_copy(update={"camera": camera}), parameters, read=frozenset({Sensor.DEPTH})
+        site,
+        profile.model_copy(update={"camera": camera}),
+        parameters,
+        read=frozenset({Sensor.DEPTH, *([Sensor.RGB] if "frames_hz" in execution else [])}),
     )
     record = Record()
     plan = EpisodePlan(site, "chair", site.starts[0], 7, parameters)
@@ -176,6 +179,24 @@ def test_the_robot_is_faster_without_stops_and_the_same_run_gives_the_same_bits(
     assert robot.locate().pose.x_m > -2.0 + 0.3 * 12 * 0.3 * 0.7
 
 
+def test_frames_between_the_answers_are_taken_at_their_rate_and_change_nothing() -> None:
+    def driven(**execution: float) -> Record:
+        return ran(Answers(lambda n, _: Action.STOP if n == 6 else Waypoint(1.0, 0.3)), 0.3, **execution)[0]
+
+    without, record = driven(), driven(frames_hz=8.0)
+    assert not any(step.frames for step in without.steps)
+    assert [step.site_after for step in record.steps] == [step.site_after for step in without.steps]
+    frames = [frame for step in record.steps for frame in step.frames]
+    stamps_s = [frame.stamp_s for frame in frames]
+    assert len(frames) >= 8
+    assert all(b - a == pytest.approx(1 / 8, abs=0.021) for a, b in pairwise(stamps_s))
+    for step in record.steps:
+        assert step.answer is not None
+        assert all(frame.stamp_s <= step.answer.until_s + 0.01 for frame in step.frames)
+    assert frames[-1].pose.x_m > frames[0].pose.x_m
+    assert frames[-1].rgb.shape == (120, 160, 3)
+
+
 def test_an_answer_that_is_too_old_is_dropped_and_the_robot_drives_on() -> None:
     policy = Answers(lambda n, _: Waypoint(3.0, 0.0) if n == 1 else Action.STOP if n == 4 else Waypoint(-3.0, 0.0))
     clock = [0.1, 0.9, 0.9, 0.1]
@@ -185,6 +206,33 @@ def test_an_answer_that_is_too_old_is_dropped_and_the_robot_drives_on() -> None:
     assert [step.answer.stale for step in record.steps if step.answer] == [False, True, True, False]
     assert [kind for kind, _ in record.events] == ["stale", "stale"]
     assert record.steps[2].site_after.pose.x_m > record.steps[0].site_after.pose.x_m + 0.3
+
+
+def test_a_model_of_five_waypoints_at_4_hz_drives_without_waiting() -> None:
+    """GNM, ViNT and NoMaD predict 5 waypoints, 0.05 m apart at full speed (0.2 m/s), 4 times a second."""
+    ahead = Trajectory(tuple(Pose(0.05 * k, 0.002 * k * k).position for k in range(1, 6)))
+    with pytest.MonkeyPatch.context() as patch:
+        take_time(patch, [0.25] * 18)
+        record, robot = ran(Answers(lambda n, _: Action.STOP if n == 18 else ahead), None, max_rate_hz=4.0)
+    driven = record.steps[1:-1]
+    assert len(driven) == 16
+    for step in driven:
+        assert step.answer is not None
+        assert step.result is not None
+        assert step.answer.age_s == pytest.approx(0.25, abs=0.021)
+        assert step.result.duration_s == pytest.approx(0.25, abs=0.021)
+        assert step.result.waiting_s == 0.0
+        assert not step.refusal
+    assert sum(step.result.path_m or 0.0 for step in driven if step.result) > 0.2 * 0.25 * 16
+    assert robot.locate().pose.y_m > 0.1, "to the left, as the waypoints lead"
+
+
+def test_answers_at_200_hz_are_asked_for_at_the_maximum_rate() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        take_time(patch, [0.005] * 20)
+        record, _ = ran(Answers(lambda n, _: Action.STOP if n == 20 else Waypoint(2.0, 0.0)), None)
+    stamps_s = [step.observation.stamp_s for step in record.steps[1:]]
+    assert all(b - a == pytest.approx(0.1, abs=0.021) for a, b in pairwise(stamps_s))
 
 
 def take_time(patch: pytest.MonkeyPatch, seconds: list[float]) -> None:

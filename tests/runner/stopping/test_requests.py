@@ -62,6 +62,15 @@ def test_a_request_waits_for_a_safe_point() -> None:
     assert raised.value.request.exit_code == 143
 
 
+def test_the_first_signal_halts_a_robot_that_drives_on_without_the_main_thread() -> None:
+    halted = threading.Event()
+    with StopRequests() as stop:
+        stop.at_once = halted.set
+        os.kill(os.getpid(), signal.SIGINT)  # outside of a safe block, as in code that does not return
+        assert halted.wait(30)
+        assert stop.session_ends
+
+
 def test_an_episode_request_does_not_replace_a_session_request() -> None:
     with StopRequests() as stop:
         stop.ask(PAGE)

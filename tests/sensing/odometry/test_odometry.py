@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from vsnbench.sensing.odometry.odometry import (
     ClockOffset,
     OdometryFault,
+    OdometryReading,
     OdometryTracker,
     heading_of_quaternion,
+    pose_at,
 )
 from vsnbench.values.pose import Pose, wrap_angle
 
@@ -80,3 +82,14 @@ def test_a_skewed_clock_is_read_through_the_fastest_message(skew_s: float, delay
     for index, delay in enumerate(delays):
         clock.add(index + skew_s, index + delay)
     assert clock.to_local(7 + skew_s) == pytest.approx(7 + min(delays), abs=1e-9)
+
+
+def test_the_pose_at_an_image_is_interpolated_between_two_readings() -> None:
+    readings = [OdometryReading(Pose(0.1 * k, 0.0, 3.0 + 0.2 * k), 10 + 0.1 * k, 0.0) for k in range(4)]
+    between = pose_at(readings, 10.15)
+    assert between is not None
+    assert (between.x_m, between.heading_rad) == pytest.approx((0.15, 3.3))
+    assert pose_at(readings, 10.0) == readings[0].pose
+    assert pose_at(readings, 11.0) == readings[-1].pose, "it is not extrapolated"
+    assert pose_at(readings, 9.9) is None
+    assert pose_at([], 10.0) is None

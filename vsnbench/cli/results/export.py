@@ -262,7 +262,7 @@ def video(  # noqa: PLR0913 - Typer needs a parameter per option
     model: Models = None,
     goal: Goals = None,
     size: Annotated[str, typer.Option("--size", help="Size: talk (1280x720) or web (854x480).")] = "talk",
-    speed: Annotated[float, typer.Option("--speed", help="Actions per second.", min=0.5, max=30.0)] = 4.0,
+    speed: Annotated[float, typer.Option("--speed", help="Actions or images per second.", min=0.5, max=30.0)] = 4.0,
     results: Results = None,
     db: Database = None,
     as_json: Json = False,

@@ -65,6 +65,10 @@ class PathFollower:
         self._last_s: float | None = None
         self.failure = ""
         self.sensor_lost = False
+        self.may_leave = True
+        """Whether it may leave rest forwards; without that it waits."""
+        self.would_leave = False
+        """Whether it left rest forwards with the newest command, or waits for that."""
         stall_s = DRIVE_SHARE * settings.stall_s
         self._stalls = StallMonitor(stall_s, _STALL_M), StallMonitor(stall_s, _STALL_RAD)
         self._commanded_m = self._commanded_rad = 0.0
@@ -139,6 +143,9 @@ class PathFollower:
             return self._failed("the base does not follow its commands")
         wanted = self._wanted(advanced(pose, pending_m, pending_rad), now_s, period_s)
         before, self.command = self.command, self._limited(wanted, period_s)
+        self.would_leave = not before.linear_m_s and self.command.linear_m_s > 0
+        if self.would_leave and not self.may_leave:
+            self.command = STANDSTILL
         if self.command.angular_rad_s * before.angular_rad_s < 0:
             self._stalls[1].restart()  # around a reversal, a base with an unknown lag covers nothing on balance
         self._commanded_m += self.command.speed_m_s * period_s

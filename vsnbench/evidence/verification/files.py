@@ -13,8 +13,9 @@ from vsnbench.evidence.verification.record import VerifiedRecord
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.directory import DATABASE_NAME, ResultsDirectory
+from vsnbench.results.files.film import FILM, StampedPose
 from vsnbench.results.files.image_set import expected_images, image_faults
-from vsnbench.results.files.images import StampedPose, trajectory_text
+from vsnbench.results.files.images import trajectory_text
 from vsnbench.results.merging.episodes import step_digests
 from vsnbench.results.schema.row_encoding import pose_of_columns
 from vsnbench.results.writing.deletion import unfinished_directories
@@ -49,7 +50,9 @@ def _check_episode(record: VerifiedRecord, episode: Row[Any], check: Check) -> N
     named = episode.images_directory
     directory = confined(record.results, named)
     top = record.results / named
-    if linked := next((folder for folder in (top, top / "rgb", top / "depth") if folder.is_symlink()), None):
+    if linked := next(
+        (folder for folder in (top, top / "rgb", top / "depth", top / FILM) if folder.is_symlink()), None
+    ):
         check.fail(str(linked.relative_to(record.results)), "is a link, and vsnbench writes none")
         return
     if not top.is_dir():
@@ -101,7 +104,7 @@ def _files_below(top: Path, below: Path = Path()) -> Iterator[tuple[Path, bool]]
     with os.scandir(top / below) as entries:
         for entry in sorted(entries, key=lambda found: found.name):
             if entry.is_dir(follow_symlinks=False):
-                if below == Path() and entry.name in ("rgb", "depth"):
+                if below == Path() and entry.name in ("rgb", "depth", FILM):
                     yield from _files_below(top, below / entry.name)
                 else:
                     yield below / entry.name, False

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from vsnbench.models.baselines.oracle import Oracle
 from vsnbench.models.baselines.route import Route
+from vsnbench.models.baselines.standstill import Standstill
 from vsnbench.protocol.free_space import FreeSpace
 from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision, Diagnostics
@@ -14,9 +15,6 @@ from vsnbench.values.pose import Pose, wrap_angle
 
 _OFF_ROUTE_M = 0.25
 """A robot that drives on and is farther than this from its route needs another one."""
-_STUCK_S = 2.0
-_STUCK_M, _STUCK_RAD = 0.02, math.radians(3)
-"""A robot that drives on and has moved less than this for that long was stopped by the guard."""
 _ARRIVED_M, _FACES_RAD = 0.08, math.radians(6)
 
 
@@ -33,8 +31,7 @@ class WaypointOracle(Oracle):
     _route: Route | None = None
     _last: tuple[float, Pose] | None = None
     """Time and pose of the observation before."""
-    _still: tuple[float, Pose] | None = None
-    """Since when the robot has been where it is."""
+    _still = Standstill(None)
 
     def act(self, observation: Observation) -> Decision:
         """Return the next waypoint of the plan; see `Oracle.act`."""
@@ -55,18 +52,19 @@ class WaypointOracle(Oracle):
 
     def _forget(self) -> None:
         super()._forget()
-        self._route = self._last = self._still = None
+        self._route = self._last = None
+        self._still = Standstill(self._parameters.execution)
 
     def _act_driving(self, space: FreeSpace, observation: Observation) -> Decision:
         """Return the waypoint for a robot that drives on until the answer takes effect."""
         here, now_s = self._start.compose(observation.pose), observation.stamp_s
         ahead_m = 0.0 if self._last is None else here.distance_to(self._last[1])
         self._last = now_s, here
-        if self._is_stuck(here, now_s) and self._route is not None:
+        if self._still.is_stuck(here, now_s) and self._route is not None:
             self._refused.append(here)
             self._route = None
         if self._route is None or self._route.advance(here) > _OFF_ROUTE_M:
-            self._still = None
+            self._still.forget()
             self._make_plan(space, here, observation.camera.mount_height_m)
             if self._planner is None:
                 return Decision(Action.STOP, diagnostics=Diagnostics(note=self._note))
@@ -84,18 +82,6 @@ class WaypointOracle(Oracle):
             return Decision(Waypoint(share * target.x_m, share * target.y_m), diagnostics=diagnostics)
         heading_rad = wrap_angle(target.heading_rad) if is_end else None
         return Decision(Waypoint(target.x_m, target.y_m, heading_rad), diagnostics=diagnostics)
-
-    def _is_stuck(self, here: Pose, now_s: float) -> bool:
-        still = self._still
-        if (
-            still is None
-            or here.distance_to(still[1]) > _STUCK_M
-            or abs(wrap_angle(here.heading_rad - still[1].heading_rad)) > _STUCK_RAD
-        ):
-            self._still = now_s, here
-            return False
-        latency_s = 0.0 if self._parameters.execution is None else self._parameters.execution.latency_s or 0.0
-        return now_s - still[0] > _STUCK_S + 2 * latency_s
 
 
 def _straight_on(plan: tuple[Action, ...]) -> tuple[Action, ...]:

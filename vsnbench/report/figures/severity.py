@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from vsnbench.protocol.disturbances import SEVERITIES, STRESS_KINDS
+from vsnbench.protocol.execution import CONTINUOUS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.stress import Loss, StressedModel
 from vsnbench.report.figures.style import (
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 _COLUMNS = 4
 _PANEL_HEIGHT_IN = 1.45
+_SCT = "SCT"
+_SCT_NOTE = " SCT, success weighted by completion time, is drawn as a percentage, too."
 
 
 def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
@@ -40,18 +43,19 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
     """
     drawn = models[:MAX_CONDITIONS]
     used = {loss.disturbance.name for model in drawn for loss in model.losses}
-    names = [name for name in STRESS_KINDS if name in used]
-    columns = min(_COLUMNS, len(names))
-    lines = math.ceil(len(names) / columns)
+    contents = [(name, measure) for name in STRESS_KINDS if name in used for measure in _drawn_of(name, drawn)]
+    columns = min(_COLUMNS, len(contents))
+    lines = math.ceil(len(contents) / columns)
     with styled():
         figure = new_figure(page_in() * columns / _COLUMNS + 0.2, lines * _PANEL_HEIGHT_IN)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         marks: list[ErrorbarContainer] = []
-        for place, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
-            marks = [_line(axes, model, name, index, len(drawn)) for index, model in enumerate(drawn)]
+        for place, (axes, (name, measure)) in enumerate(zip(panels.flat, contents, strict=False)):
+            marks = [_line(axes, model, name, measure, (index, len(drawn))) for index, model in enumerate(drawn)]
             _mark(axes, name, drawn)
-            _label(axes, _title(name, drawn), is_last=place + columns >= len(names), is_first=place % columns == 0)
-        for unused in panels.flat[len(names) :]:
+            title = f"{measure}, {_title(name, drawn)}" if measure else _title(name, drawn)
+            _label(axes, title, is_last=place + columns >= len(contents), is_first=place % columns == 0)
+        for unused in panels.flat[len(contents) :]:
             unused.set_visible(False)
         several = len({model.undisturbed.condition.site for model in drawn}) > 1
         legend_below(figure, marks, [_model_name(model, with_site=several) for model in drawn])
@@ -62,16 +66,38 @@ def success_by_severity(models: Sequence[StressedModel]) -> Drawing:
         _alt(drawn),
         "Success rate against the severity of each disturbance, with 95 % intervals clustered by starting position. "
         "Severity 0 is undisturbed; the same trials at every severity. The title of a panel has the values."
-        f"{left_out}{_unseen(drawn)}",
+        f"{_SCT_NOTE if (CONTINUOUS, _SCT) in contents else ''}{left_out}{_unseen(drawn)}",
         footnotes([model.undisturbed.condition for model in drawn]),
         figure,
     )
 
 
-def _line(axes: "Axes", model: StressedModel, name: str, index: int, models: int) -> "ErrorbarContainer":
+def _drawn_of(name: str, models: Sequence[StressedModel]) -> tuple[str, ...]:
+    """Return what is drawn of a disturbance: the success rate, and of continuous execution what time it costs."""
+    has_sct = any(effect.measure == _SCT for model in models for loss in model.losses for effect in loss.effects)
+    return ("", _SCT) if name == CONTINUOUS and has_sct else ("",)
+
+
+def _line(axes: "Axes", model: StressedModel, name: str, measure: str, order: tuple[int, int]) -> "ErrorbarContainer":
+    """Draw a model's success rate, or its mean of another measure.
+
+    Args:
+        axes: where.
+        model: the model.
+        name: the disturbance.
+        measure: another measure than the success rate; empty for that.
+        order: number of the model, from 0, and number of models.
+    """
     own = [loss for loss in model.losses if loss.disturbance.name == name and loss.disturbance.severity is not None]
-    rates = [model.undisturbed.total.success_rate, *(loss.rate.compared[1].rate for loss in own)]
-    intervals = [model.undisturbed.total.interval, *(_interval(loss) for loss in own)]
+    index, models = order
+    if measure:
+        pairs = [next((effect for effect in loss.effects if effect.measure == measure), None) for loss in own]
+        means = [(math.nan, math.nan) if pair is None else (pair.first, pair.second) for pair in pairs]
+        rates = [means[0][0] if means else math.nan, *(mean for _, mean in means)]
+        intervals = [UNKNOWN] * len(rates)
+    else:
+        rates = [model.undisturbed.total.success_rate, *(loss.rate.compared[1].rate for loss in own)]
+        intervals = [model.undisturbed.total.interval, *(_interval(loss) for loss in own)]
     shift = (index - (models - 1) / 2) * 0.12  # so that the intervals of models do not cover each other
     return axes.errorbar(
         [0 + shift, *((loss.disturbance.severity or 0) + shift for loss in own)],

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.film import RecordedFrame
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.sites.site import Site
 from vsnbench.values.decision import Decision
@@ -44,6 +45,8 @@ class StepEntry:
     """None if the image is missing."""
     depth_png: bytes | None
     """16-bit, millimetres, 0 if invalid."""
+    film: tuple[RecordedFrame, ...] = ()
+    """Images that were taken while the robot drove on, until the next answer took effect."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from vsnbench.results.files.confined_paths import LARGEST_FILE_BYTES
+from vsnbench.results.files.film import film_path
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.values.encoding.image_digest import StepDigests, file_digest, is_digest_of_depth
 from vsnbench.values.encoding.images import decode_picture
@@ -87,6 +88,8 @@ def expected_images(steps: Sequence[StepDigests]) -> Iterator[ExpectedImage]:
             yield ExpectedImage(rgb_path(Path(), step.number), None, step.rgb_file)
         if step.depth is not None:
             yield ExpectedImage(depth_path(Path(), step.number), step.depth, step.depth_file)
+        for place, digest in enumerate(step.film, start=1):
+            yield ExpectedImage(film_path(Path(), step.number, place), None, digest)
 
 
 def _damage(file: Path, image: ExpectedImage, *, read: bool, decode: bool) -> Damage | None:

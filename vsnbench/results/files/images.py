@@ -11,11 +11,12 @@ import numpy as np
 
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import write_atomic
+from vsnbench.results.files.film import RecordedFrame, StampedPose, film_path
 from vsnbench.results.files.staged_import import clear_unfinished
 from vsnbench.values.encoding.image_digest import depth_digest, file_digest, rgb_digest
 from vsnbench.values.encoding.images import depth_millimetres, encode_depth_png, encode_jpeg
 from vsnbench.values.observation import Observation, Sensor
-from vsnbench.values.pose import Pose
+from vsnbench.values.step import FilmFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,8 @@ class WrittenImages:
     rgb_jpeg: bytes | None
     """Content of the file, for viewers; None without a file."""
     depth_png: bytes | None
+    film: tuple[RecordedFrame, ...] = ()
+    """Images that were taken before the next observation."""
 
     @property
     def file_digests(self) -> tuple[str | None, str | None]:
@@ -42,14 +45,6 @@ def hash_images(observation: Observation) -> WrittenImages:
     seen = rgb_digest(observation.rgb) if Sensor.RGB in observation.sensors else None
     measured = None if observation.depth_m is None else depth_digest(depth_millimetres(observation.depth_m))
     return WrittenImages(seen, measured, None, None)
-
-
-@dataclass(frozen=True, slots=True)
-class StampedPose:
-    """A pose with its time on the robot's clock, seconds."""
-
-    stamp_s: float
-    pose: Pose
 
 
 def rgb_path(directory: Path, number: int) -> Path:
@@ -78,8 +73,8 @@ class EpisodeImages:
                 advice="free some space or check the permissions",
             ) from error
 
-    def write(self, number: int, observation: Observation) -> WrittenImages:
-        """Write the images of a step, numbered from 1; they are in place on return.
+    def write(self, number: int, observation: Observation, frames: Sequence[FilmFrame] = ()) -> WrittenImages:
+        """Write the images of a step, numbered from 1, and those between it and the next; they are in place on return.
 
         Raises:
             RecordError: they cannot be written.
@@ -88,11 +83,20 @@ class EpisodeImages:
         seen, jpeg = rgb_digest(observation.rgb), encode_jpeg(observation.rgb)
         write_atomic(rgb_path(self._directory, number), jpeg)
         if observation.depth_m is None:
-            return WrittenImages(seen, None, jpeg, None)
+            return WrittenImages(seen, None, jpeg, None, self._write_film(number, frames))
         millimetres = depth_millimetres(observation.depth_m)
         measured, png = depth_digest(millimetres), encode_depth_png(millimetres)
         write_atomic(depth_path(self._directory, number), png)
-        return WrittenImages(seen, measured, jpeg, png)
+        return WrittenImages(seen, measured, jpeg, png, self._write_film(number, frames))
+
+    def _write_film(self, number: int, frames: Sequence[FilmFrame]) -> tuple[RecordedFrame, ...]:
+        written = []
+        for place, frame in enumerate(frames, start=1):
+            path, jpeg = film_path(self._directory, number, place), encode_jpeg(frame.rgb)
+            path.parent.mkdir(exist_ok=True)
+            write_atomic(path, jpeg)
+            written.append(RecordedFrame(StampedPose(frame.stamp_s, frame.pose), file_digest(jpeg), jpeg))
+        return tuple(written)
 
     def finish(self, path: Sequence[StampedPose] = ()) -> None:
         """Write the trajectory, if there is one; nothing may be written afterwards.

@@ -9,6 +9,7 @@ from typing import Any
 
 from sqlalchemy import Column, Connection, Table, insert, select
 
+from vsnbench.results.files.film import film_of
 from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
@@ -16,6 +17,7 @@ from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, Pr
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.episodes import attach_images
 from vsnbench.results.writing.sessions import find_or_insert_session, session_row
+from vsnbench.values.decision_check import SENSING
 from vsnbench.values.encoding.image_digest import Pixels, StepDigests, algorithm, compare_digests
 
 
@@ -116,9 +118,17 @@ def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
         StepRow.depth_digest,
         StepRow.rgb_file_digest,
         StepRow.depth_file_digest,
+        StepRow.details[SENSING],
     )
     query = select(*columns).where(StepRow.episode_id == episode_id).order_by(StepRow.number)
-    return [StepDigests(*row) for row in connection.execute(query)]
+    return [
+        StepDigests(number, rgb, depth, rgb_file, depth_file, _film_digests(sensing))
+        for number, rgb, depth, rgb_file, depth_file, sensing in connection.execute(query)
+    ]
+
+
+def _film_digests(sensing: object) -> tuple[str, ...]:
+    return tuple(frame.file_digest for frame in film_of({SENSING: sensing}))
 
 
 def insert_episode_rows(

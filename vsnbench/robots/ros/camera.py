@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -47,6 +48,8 @@ _SAME_ATTITUDE_RAD = math.radians(0.5)
 _RECTIFIERS = 64
 _STALE_S = 2.0
 """Age at which an image is no longer current."""
+_PAIRED_SKEW_S, _PAIRING_S = 0.01, 0.05
+"""Images of one moment, and the time for the second of two to arrive, while the robot drives."""
 
 
 class RosCamera:
@@ -62,6 +65,7 @@ class RosCamera:
         self._names = link.names
         self.depth_frames = self._names.depth_frames if self._names.depth else 0
         """Number of depth images per median."""
+        self._changing = threading.Lock()
         self._rates = RateWatch(link.names, profile.base.odometry_rate_hz)
         self._rectifiers: dict[tuple[str, Attitude], tuple[Calibration, bool, Rectifier]] = {}
         """Rectifier by topic and attitude, and the calibration that it is for; whether the images have a size of their
@@ -85,12 +89,13 @@ class RosCamera:
         for topic in wanted:
             self._rectifier(topic, size=_size_of(self._link.snapshot().calibrations.get(topic)))
 
-    def capture(self, end: MotionEnd, read_pose: Callable[[], Pose]) -> Observation:
+    def capture(self, end: MotionEnd, read_pose: Callable[[float], Pose]) -> Observation:
         """Return an observation with images taken after `end`; the depth is the median of several images.
 
         Args:
             end: end of the last motion.
-            read_pose: returns the odometry; called when the images have arrived.
+            read_pose: takes the time of the colour image on the robot's clock, and returns the odometry; called when
+                the images have arrived.
 
         Raises:
             SensorLostError: a camera is silent, or its images do not fit the profile.
@@ -149,7 +154,7 @@ class RosCamera:
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
-            pose=read_pose(),
+            pose=read_pose(match.color.stamp_s),
             stamp_s=match.color.stamp_s,
             camera=camera.on(attitude),
             instances=instances,
@@ -224,16 +229,19 @@ class RosCamera:
     def _await_images(self, end: MotionEnd) -> tuple[MatchedImages[Any], InstanceImage | None]:
         """Return matching images, and the labels of the colour image if a simulator publishes them."""
 
-        def complete(now: RobotSnapshot) -> tuple[MatchedImages[Any], RobotSnapshot] | None:
+        def complete(now: RobotSnapshot, skew_s: float = MAX_SKEW_S) -> tuple[MatchedImages[Any], RobotSnapshot] | None:
             colors: Sequence[Stamped[Any]] = now.colors
             if self.labelled:
                 labelled = {image.stamp_s for image in now.labels} if now.categories else set()
                 colors = [image for image in now.colors if image.stamp_s in labelled]
             colors, depths = not_ahead(colors, now), not_ahead(now.depths, now)
-            match = match_images(colors, depths, end, self.depth_frames, MAX_SKEW_S)
+            match = match_images(colors, depths, end, self.depth_frames, skew_s)
             return (match, now) if match else None
 
-        found = self._link.wait_for(complete, observation_timeout_s(self._names))
+        found = None
+        if self.depth_frames == 1:
+            found = self._link.wait_for(lambda now: complete(now, _PAIRED_SKEW_S), _PAIRING_S)
+        found = found or self._link.wait_for(complete, observation_timeout_s(self._names))
         if found is None:
             raise missing_images(self._names, self._link.snapshot(), time.monotonic())
         match, now = found
@@ -262,14 +270,15 @@ class RosCamera:
         calibration, camera = self._link.snapshot().calibrations.get(topic), self._profile.camera
         is_depth = topic == self._names.depth and len(size) == 2
         own = is_depth and is_of_own_size(calibration, camera, (size[0], size[1]), self._link.image_turns)
-        known = self._rectifiers.get((topic, attitude))
-        if known is not None and known[0] is calibration and known[1] is own:
-            return known[2]
-        rectifier = rectifier_of(calibration, camera, topic, self._link.image_turns, attitude, of_own_size=own)
-        if len(self._rectifiers) >= _RECTIFIERS:
-            self._rectifiers.pop(next(iter(self._rectifiers)))
-        self._rectifiers[topic, attitude] = calibration, own, rectifier
-        return rectifier
+        with self._changing:  # the guard looks while the model gets an observation
+            known = self._rectifiers.get((topic, attitude))
+            if known is not None and known[0] is calibration and known[1] is own:
+                return known[2]
+            rectifier = rectifier_of(calibration, camera, topic, self._link.image_turns, attitude, of_own_size=own)
+            if len(self._rectifiers) >= _RECTIFIERS:
+                self._rectifiers.pop(next(iter(self._rectifiers)))
+            self._rectifiers[topic, attitude] = calibration, own, rectifier
+            return rectifier
 
 
 def _size_of(calibration: Calibration) -> tuple[int, ...]:

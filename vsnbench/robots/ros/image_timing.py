@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from vsnbench.errors import SensorLostError
+from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.robot_reports import RobotSnapshot
@@ -17,6 +17,9 @@ MAX_SKEW_S = 0.1
 """Largest difference of the stamps of colour and depth in one observation."""
 MAX_AHEAD_S = 2.0
 """Images that are stamped farther ahead of the odometry have a wrong stamp."""
+MAX_OFFSET_S = 0.5
+"""Images of a robot that drives on arrive within this time of their stamps, by the clock of the odometry: as old as the
+guard accepts one before a movement forward begins."""
 _TIMEOUT_S = 3.0
 _SILENT_S = 1.0
 """Time without an image after which a camera is silent, or three of its periods if it is slow."""
@@ -117,6 +120,32 @@ def not_ahead(images: Sequence[Stamped[Any]], now: RobotSnapshot) -> list[Stampe
     return [image for image in images if image.stamp_s <= odometry_time_s(now, image.arrival_s) + MAX_AHEAD_S]
 
 
+def unfit_while_driving(names: RosInterface, now: RobotSnapshot) -> RobotError | None:
+    """Return why the pose of the robot at the capture of its images is not known while it drives; None if it is.
+
+    Stamps have to be on the clock of the odometry. At rest, an offset does no harm.
+    """
+    for topic, images in _received(names, now).items():
+        if not images:
+            continue
+        if images[-1].stamp_s <= 0:
+            return RobotError(
+                f"--continuous: images on {topic} have no stamp, so the pose of the robot at their capture is unknown",
+                advice="have the camera driver stamp its images, or leave --continuous out",
+                code="no-stamps",
+            )
+        delay_s = min(odometry_time_s(now, image.arrival_s) - image.stamp_s for image in images)
+        if abs(delay_s) > MAX_OFFSET_S:
+            side = "ahead of" if delay_s < 0 else "behind"
+            return RobotError(
+                f"--continuous: images on {topic} are stamped {abs(delay_s):.1f} s {side} the odometry, so the pose "
+                "of the robot at their capture is unknown",
+                advice="synchronize the clocks (vsnbench doctor), or leave --continuous out",
+                code="clocks-apart",
+            )
+    return None
+
+
 def missing_images(names: RosInterface, now: RobotSnapshot, now_s: float) -> SensorLostError:
     """Return why an observation did not get its images.
 
@@ -125,16 +154,12 @@ def missing_images(names: RosInterface, now: RobotSnapshot, now_s: float) -> Sen
         now: the newest reports.
         now_s: the time, monotonic.
     """
-    received = {topic: images for topic, images in ((names.color, now.colors), (names.depth, now.depths)) if topic}
+    received, waited_s = _received(names, now), observation_timeout_s(names)
     for topic in received:
         if rivals := now.rivals(topic, now_s):
             return rivals
-    waited_s = observation_timeout_s(names)
-    if silent := [topic for topic, images in received.items() if _is_silent(images, now_s)]:
-        since_s = min(now_s - received[topic][-1].arrival_s if received[topic] else waited_s for topic in silent)
-        return SensorLostError(
-            f"no image on {' and '.join(silent)} for {since_s:.0f} s", advice="check the camera driver", code="no-image"
-        )
+    if silent := silent_camera(names, now, now_s):
+        return silent
     for topic, images in received.items():
         if fault := _timing_fault(names, topic, images, now, now_s):
             return fault
@@ -144,6 +169,23 @@ def missing_images(names: RosInterface, now: RobotSnapshot, now_s: float) -> Sen
         advice="stamp colour and depth in one driver (vsnbench doctor)",
         code="no-matching-images",
     )
+
+
+def silent_camera(names: RosInterface, now: RobotSnapshot, now_s: float) -> SensorLostError | None:
+    """Return that no image arrives on a topic any more, or None; see `missing_images`."""
+    received, waited_s = _received(names, now), observation_timeout_s(names)
+    silent = [topic for topic, images in received.items() if _is_silent(images, now_s)]
+    if not silent:
+        return None
+    since_s = min(now_s - received[topic][-1].arrival_s if received[topic] else waited_s for topic in silent)
+    return SensorLostError(
+        f"no image on {' and '.join(silent)} for {since_s:.0f} s", advice="check the camera driver", code="no-image"
+    )
+
+
+def _received(names: RosInterface, now: RobotSnapshot) -> dict[str, tuple[Stamped[Any], ...]]:
+    """Return the images by topic."""
+    return {topic: images for topic, images in ((names.color, now.colors), (names.depth, now.depths)) if topic}
 
 
 def _rate_hz(images: Sequence[Stamped[Any]]) -> float:

@@ -84,12 +84,11 @@ class MovementRunner:
             looks: checks the way ahead while the robot drives.
         """
         before = self.relative(self.fresh())
-        self._began_s, self._requested_s = self._link.now_s, time.monotonic()
-        self._checked_s = self._listening_since_s = self._requested_s
+        self._began_s = self._link.now_s
+        self.begin_to_watch()
         failure, blocked, sensor_lost, answered = "", "", False, False
         self._moving, self._path_m, self.before, self._last_pose = True, 0.0, before, before
         self._movement = movement
-        self._link.release()
 
         def check() -> None:
             self._check(before, looks)
@@ -108,7 +107,7 @@ class MovementRunner:
             failure = str(error)
         outcome = self.outcome = self._link.snapshot().outcome
         if failure or blocked or self._link.snapshot().rival_s > self._requested_s:
-            self._force_standstill()
+            self.force_standstill()
         self._moving = False
         if not failure and not blocked and not answered:
             blocked = outcome.blocked if outcome else ""
@@ -121,7 +120,7 @@ class MovementRunner:
             failure, sensor_lost = failure or str(error), sensor_lost or not failure
         if sensor_lost and (rivals := self._link.snapshot().rivals(self._link.names.odometry_topic, time.monotonic())):
             failure = f"{rivals} ({failure})"
-        collision = self._collision() or (outcome.collision if outcome else None)
+        collision = self.collision() or (outcome.collision if outcome else None)
         miss_m = MISS_FACTOR * self._settings.position_tolerance_m
         if not failure and not blocked and (contradicted := contradiction(movement, before, after, miss_m)):
             failure = f"discrete_move answered True to {movement_text(movement)}, but {contradicted}"
@@ -163,7 +162,7 @@ class MovementRunner:
     def halt(self) -> None:
         """Command zero velocity, and hold it while a movement may be running."""
         if self._moving:
-            self._force_standstill()
+            self.force_standstill()
             self._moving = False
         else:
             self._link.stand_still()
@@ -191,42 +190,54 @@ class MovementRunner:
         """Return the newest odometry relative to the start of the episode."""
         return now.latest.pose.relative_to(self.origin) if now.latest else Pose(0.0, 0.0)
 
+    def begin_to_watch(self) -> None:
+        """Allow others to steer the base, and count what is reported from now on; see `require_no_alarm`."""
+        self._requested_s = self._checked_s = self._listening_since_s = time.monotonic()
+        self._link.release()
+
     def _check(self, before: Pose, looks: PathLooks | None) -> None:
         """Check the newest reports during a movement from `before` on.
 
         Raises:
             MovementAlarmError: the movement has to end at once.
         """
-        link, now, now_s = self._link, self._link.snapshot(), time.monotonic()
-        if now_s - self._checked_s > _LONGEST_PAUSE_S:
-            self._listening_since_s = now_s
-        self._checked_s = now_s
-        self._require_no_alarm(now)
+        now = self._link.snapshot()
+        self.require_no_alarm(now)
         pose = self.relative(now)
         if overshot := overshoot(self._movement, before, pose):
-            raise MovementAlarmError(f"{link.names.discrete_move} was stopped: {overshot}")
+            raise MovementAlarmError(f"{self._link.names.discrete_move} was stopped: {overshot}")
         self._path_m += self._last_pose.distance_to(pose)
         self._last_pose = pose
         if looks is not None:
             looks.look(now, remaining_m(self._movement, before, pose))
-        if not link.names.command:
-            return  # a motion adapter steers, by other means than velocities on a topic
+        if self._link.names.command:  # a motion adapter steers by other means than velocities on a topic
+            self.require_steered(now)
+
+    def require_steered(self, now: RobotSnapshot) -> None:
+        """Stop a base that nothing steers.
+
+        Raises:
+            MovementAlarmError: what should steer it hangs.
+        """
         unsteered_s = time.monotonic() - max(now.steered_s, self._requested_s)
         if unsteered_s > _COMMAND_TIMEOUT_S:
             # Nothing steers: stop the base, whatever its last command was.
-            link.stand_still()
+            self._link.stand_still()
         if unsteered_s > _HANGING_S:
             raise MovementAlarmError(
-                f"{link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server"
+                f"{self._link.names.discrete_move} has not steered for {unsteered_s:.0f} s: restart its server"
             )
 
-    def _require_no_alarm(self, now: RobotSnapshot) -> None:
+    def require_no_alarm(self, now: RobotSnapshot) -> None:
         """Make sure that the base reports no hazard, and that its odometry is sound and this process alone steers it.
 
         Raises:
             MovementAlarmError: it does.
         """
-        names = self._link.names
+        names, now_s = self._link.names, time.monotonic()
+        if now_s - self._checked_s > _LONGEST_PAUSE_S:
+            self._listening_since_s = now_s
+        self._checked_s = now_s
         for hazard, where in now.hazard_events:
             raise MovementAlarmError(f"{hazard.value} ({where})")
         if now.contact:
@@ -235,18 +246,18 @@ class MovementRunner:
             raise MovementAlarmError(rival_text(now.rival, names.command))
         if now.odometry_fault:
             raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)
-        now_s = time.monotonic()
         if (silent_s := min(now.odometry_age_s(now_s), now_s - self._listening_since_s)) > _ODOMETRY_TIMEOUT_S:
             raise MovementAlarmError(str(_no_odometry(names.odometry_topic, silent_s)), sensor_lost=True)
 
-    def _collision(self) -> Collision | None:
+    def collision(self) -> Collision | None:
+        """Return the contact that the base has reported since the episode began, or None."""
         now = self._link.snapshot()
         bumped = [where for hazard, where in now.hazard_events if hazard is Hazard.BUMPER]
         if bumped:
             return Collision(CollisionSource.BUMPER, now.contact or bumped[0])
         return Collision(CollisionSource.CONTACT, now.contact) if now.contact else None
 
-    def _force_standstill(self) -> None:
+    def force_standstill(self) -> None:
         """Hold the base until it is at rest and no node drives it.
 
         A node that still drives is answered with zero velocities until the next movement.
@@ -262,16 +273,17 @@ class MovementRunner:
         self._link.stand_still()
 
     def _undriven_at_rest(self, now: RobotSnapshot) -> bool:
-        return time.monotonic() - now.driven_s > _UNDRIVEN_S and self._at_rest(now)
+        return time.monotonic() - now.driven_s > _UNDRIVEN_S and self.at_rest(now)
 
     def _pose_at_rest(self) -> Pose:
         """Return the pose once the odometry is at rest; a base with a lag rolls on after the answer."""
-        self._link.wait_for(self._at_rest, _STANDSTILL_TIMEOUT_S)
+        self._link.wait_for(self.at_rest, _STANDSTILL_TIMEOUT_S)
         now = self.fresh()
         self.end = present(now)
         return self.relative(now)
 
-    def _at_rest(self, now: RobotSnapshot) -> bool:
+    def at_rest(self, now: RobotSnapshot) -> bool:
+        """Return whether the odometry has not changed for as long as the base needs to settle."""
         return now.at_rest(self._settings.settle_s, self._still.position_m, self._still.heading_rad)
 
 

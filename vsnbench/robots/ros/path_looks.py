@@ -36,7 +36,7 @@ class PathLooks:
 
     def __init__(self, camera: RosCamera, check: Watch) -> None:
         self._camera = camera
-        self._check = check
+        self.check = check
         self._last_arrival_s = -math.inf
 
     def require_sight(self, link: RobotLink) -> None:
@@ -48,11 +48,29 @@ class PathLooks:
             MovementAlarmError: no depth image is new.
         """
         if depths := link.snapshot().depths:
-            self._check(DrivingView(*self._depth_of(depths[-1]), 0.0, 0.0, 0.0, math.inf))
+            self.check(DrivingView(*self._depth_of(depths[-1]), 0.0, 0.0, 0.0, math.inf))
         if not link.wait_for(_sees_now, _SIGHT_TIMEOUT_S):
             now = link.snapshot()
             since = f" captured in the last {captured_ago_s(now.depths[-1], now):.1f} s" if now.depths else ""
             raise MovementAlarmError(f"no depth image{since}", blocked=True)
+
+    def look_from_rest(self, now: RobotSnapshot, since_s: float, remaining_m: float) -> bool:
+        """Check an image of a robot at rest that is to leave its position; return whether there is one already.
+
+        Args:
+            now: the newest reports.
+            since_s: the image is captured after this time on the robot's clock.
+            remaining_m: distance that the robot still has to cover.
+
+        Raises:
+            MovementAlarmError: the way ahead is not free.
+        """
+        if not now.depths or now.depths[-1].stamp_s < since_s:
+            return False
+        age_s = captured_ago_s(now.depths[-1], now)
+        if reason := self.check(DrivingView(*self._depth_of(now.depths[-1]), age_s, 0.0, 0.0, remaining_m)):
+            raise MovementAlarmError(reason, blocked=True)
+        return True
 
     def look(self, now: RobotSnapshot, remaining_m: float) -> None:
         """Check the newest depth image if the robot drives forward.
@@ -78,7 +96,7 @@ class PathLooks:
         self._last_arrival_s = newest.arrival_s
         (depth_m, camera), age_s = self._depth_of(newest), captured_ago_s(newest, now)
         view = DrivingView(depth_m, camera, age_s, linear_m_s, angular_rad_s, remaining_m)
-        if reason := self._check(view):
+        if reason := self.check(view):
             raise MovementAlarmError(reason, blocked=True)
 
     def _depth_of(self, image: Stamped[Any]) -> tuple[npt.NDArray[np.float32], Camera]:

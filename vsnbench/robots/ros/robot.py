@@ -5,6 +5,7 @@ odometry, because upstream's server always answers True.
 """
 
 import logging
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -19,9 +20,11 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot, Watch
 from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, RosCamera
 from vsnbench.robots.ros.conditions import await_account, conditions_of, require_same_conditions
+from vsnbench.robots.ros.image_timing import unfit_while_driving
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.movement_runner import MovementRunner
 from vsnbench.robots.ros.path_looks import PathLooks
+from vsnbench.robots.ros.path_runner import PathRunner
 from vsnbench.robots.ros.start import (
     Patience,
     await_fresh_odometry,
@@ -31,6 +34,7 @@ from vsnbench.robots.ros.start import (
     wait_until_ready,
 )
 from vsnbench.robots.ros.watchdog import require_watchdog
+from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
@@ -46,6 +50,10 @@ logger = logging.getLogger(__name__)
 
 PATIENCE_S = 30.0
 """Time in which the parts of a robot have to answer before an episode."""
+
+
+_TIMED_S = 2.0
+"""Time in which the images of a robot arrive at their rate again, after a pause."""
 
 
 class RosRobot(Robot):
@@ -71,7 +79,12 @@ class RosRobot(Robot):
         self._patience_s = patience_s
         self._start: Pose | None = None
         self._link = connect(profile)
+        self._continuous = parameters.execution is not None
+        self._captured_s = -math.inf
+        """Time of the last image of an observation."""
         self.movements = MovementRunner(self._link, self._settings)
+        self._paths = PathRunner(self._link, self.movements)
+        self._looks: PathLooks | None = None
         self._simulation: SimulationAccount | None = None
         try:
             patience = Patience(patience_s)
@@ -79,10 +92,15 @@ class RosRobot(Robot):
             if self._link.can_be_placed:
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
+            self.drives_on = self._link.follows_paths
+            if self._continuous and self.drives_on:
+                self._require_timed_images()
             require_watchdog(self._link, profile)
             self.is_rehearsal = self._simulation is not None and self._simulation.is_rehearsal
             self.needs_operator = self._simulation is None or self.is_rehearsal
             self._camera = RosCamera(self._link, profile)
+            if self._continuous:
+                self._camera.depth_frames = min(self._camera.depth_frames, 1)  # of a moment, while the robot drives
             frames = self._camera.depth_frames
             self.conditions: Mapping[str, Any] = conditions_of(self._link, profile, self._simulation, frames)
         except BaseException:
@@ -139,6 +157,9 @@ class RosRobot(Robot):
         now = self._link.snapshot()
         assert now.latest is not None  # noqa: S101  # awaited above
         self.movements.begin(now)
+        self._paths.begin()
+        if self._continuous:
+            self._require_timed_images()
         self._start = start.pose
 
     def simulate_placement(self, start: StartingPosition, seed: int) -> None:
@@ -158,7 +179,12 @@ class RosRobot(Robot):
         self._require_begun()
         movements = self.movements
         movements.before = None
-        return self._camera.capture(movements.end, lambda: movements.relative(movements.fresh()))
+        if not self._continuous:
+            return self._camera.capture(movements.end, lambda _: movements.relative(movements.fresh()))
+        end = MotionEnd(self._captured_s, -math.inf) if self._paths.measures else movements.end
+        observation = self._camera.capture(end, self._paths.captured_at)
+        self._captured_s = observation.stamp_s
+        return observation
 
     def drive(self, movement: Drive, watch: Watch | None = None) -> MotionResult:
         """Execute a movement by discrete_move, or by this process, and measure it by the odometry.
@@ -168,13 +194,35 @@ class RosRobot(Robot):
         self._require_begun()
         if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
             return MotionResult(completed=False, failure="what moves the base executes no movement to the side")
-        watched = watch is not None and is_watched(movement)
-        looks = PathLooks(self._camera, watch) if watch and watched and self._link.names.depth else None
+        looks = self._looks_of(watch if is_watched(movement) else None)
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
+
+    def _looks_of(self, watch: Watch | None) -> PathLooks | None:
+        return PathLooks(self._camera, watch) if watch and self._link.names.depth else None
+
+    def now_s(self) -> float | None:
+        """Return the time on the clock of the odometry's stamps, which also stamps the images."""
+        return self._paths.now_s
+
+    def follow(self, movement: Drive, anchor: Pose | None = None) -> None:
+        """Replace the running path by another one, from the anchor on; it begins with `advance`."""
+        self._require_begun()
+        self._paths.follow(movement, anchor)
+
+    def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
+        """Drive on until a time on the robot's clock; a thread watches the robot, also between the calls."""
+        self._require_begun()
+        if watch is None or self._looks is None or self._looks.check is not watch:
+            self._looks = self._looks_of(watch)
+        return self._paths.advance(until_s, self._looks)
+
+    def come_to_rest(self) -> MotionResult:
+        """Brake, and return the motion until the base is at rest."""
+        return self._paths.come_to_rest()
 
     def interrupted_motion(self) -> MotionResult | None:
         """Return the odometry's motion since the movement after the last observation began."""
-        return self.movements.interrupted()
+        return self._paths.taken() if self._paths.measures else self.movements.interrupted()
 
     def locate(self) -> Fix:
         """Return the pose of the simulator, or the start composed with the odometry."""
@@ -192,13 +240,25 @@ class RosRobot(Robot):
         return Fix(self._start.compose(self.movements.relative(now)), PoseSource.ESTIMATED)
 
     def halt(self) -> None:
-        """Command zero velocity, and hold it while a movement may be running."""
+        """Command zero velocity, and hold it while a movement or a path may be running."""
+        self._paths.halt()
         self.movements.halt()
 
     def close(self) -> None:
         """Halt and leave the network."""
+        self._paths.halt()
         self.movements.close()
         self._link.close()
+
+    def _require_timed_images(self) -> None:
+        """Make sure that the pose of the robot at the capture of an image is known while it drives.
+
+        Raises:
+            RobotError: it is not.
+        """
+        names = self._link.names
+        if not self._link.wait_for(lambda now: unfit_while_driving(names, now) is None, _TIMED_S):
+            raise unfit_while_driving(names, self._link.snapshot()) or RobotError("the images arrive irregularly")
 
     def _require_begun(self) -> None:
         if self._start is None:

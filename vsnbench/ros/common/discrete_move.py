@@ -1,5 +1,6 @@
 """The discrete_move node: executes movements on the robot itself."""
 
+import json
 import logging
 import threading
 from abc import abstractmethod
@@ -15,6 +16,8 @@ from vsnbench.ros.common.messages import moves
 from vsnbench.ros.common.node import NodeTask
 from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
+from vsnbench.sensing.path_driver import PathDriver
+from vsnbench.sensing.path_orders import PathOrder
 from vsnbench.sensing.steering import rival_text
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import (
@@ -32,6 +35,8 @@ logger = logging.getLogger(__name__)
 
 NODE = "discrete_move"
 _CLOSING = "discrete_move is shutting down"
+_LONGEST_ORDER = 20_000
+"""Longest order of a path, characters."""
 
 
 def mover_of(
@@ -52,6 +57,7 @@ class DiscreteMoveTask(NodeTask):
     def __init__(self, names: RosInterface, mover: Mover) -> None:
         self._command_topic = names.command
         self._mover = mover
+        self._paths = PathDriver(mover)
         self._closed = threading.Event()
         self._odometry_arrived = threading.Event()
 
@@ -88,6 +94,18 @@ class DiscreteMoveTask(NodeTask):
         if isinstance(checked, Move) and holds_heading(movement):
             checked = replace(checked, holds_heading=True)
         return self.drive(checked, caller_gone)
+
+    def take_path(self, text: str) -> str:
+        """Take an order of `sensing.path_orders` from the network, or its repetition; return the state as JSON."""
+        state = self._paths.state
+        try:
+            order = PathOrder.of(json.loads(text) if len(text) <= _LONGEST_ORDER else None)
+        except (ValueError, RecursionError) as error:
+            self._warn(f"ignored an order: {error}")
+        else:
+            if not self._closed.is_set():
+                state = self._paths.take(order)
+        return json.dumps(state.to_json())
 
     def refuse(self, movement: str, failure: str | MotionResult) -> MotionResult:
         """Log why a movement failed, and return its result."""

@@ -109,6 +109,11 @@ class RosInterface(Interface):
         return "" if self.attitude is None or self.attitude.topic == self.odometry_topic else self.attitude.topic
 
     @property
+    def paths(self) -> str:
+        """Topic of the orders of `sensing.path_orders` to the node of discrete_move; `_state` appended, its state."""
+        return f"{self.discrete_move}/paths"
+
+    @property
     def hazard_topics(self) -> tuple[HazardTopic, ...]:
         """Topics of the hazard sensors that the base has."""
         return tuple(

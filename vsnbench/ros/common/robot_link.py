@@ -1,5 +1,7 @@
 """The client's connection to a robot."""
 
+import json
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -11,6 +13,7 @@ from vsnbench.errors import RobotError
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.ros.common.messages import moves, planar
 from vsnbench.ros.common.readiness import Readiness
+from vsnbench.sensing.path_orders import PathOrder, PathState
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.sensing.simulation import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
 from vsnbench.sensing.steering import ZeroHold
@@ -18,6 +21,8 @@ from vsnbench.values.encoding.motion_answer import MotionCard
 from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
+
+logger = logging.getLogger(__name__)
 
 Found = TypeVar("Found")
 _COLOR_FRAMES = 6
@@ -51,6 +56,7 @@ class RobotLink(ABC):
         self.profile = profile
         self._reports = RobotReports(profile)
         self._hold = ZeroHold(self.stand_still)
+        self._path_state = PathState()
 
     def close(self) -> None:
         """Leave the network."""
@@ -152,6 +158,31 @@ class RobotLink(ABC):
         Raises:
             NoAnswerError: the node of discrete_move did not answer in time.
         """
+
+    @property
+    @abstractmethod
+    def follows_paths(self) -> bool:
+        """Whether what steers the base drives along paths that replace each other."""
+
+    @property
+    def path_state(self) -> PathState:
+        """Newest state of what drives along paths."""
+        return self._path_state
+
+    def order_path(self, order: PathOrder) -> None:
+        """Send an order, or repeat it, to what drives along paths."""
+        self._publish_path(json.dumps(order.to_json()))
+
+    @abstractmethod
+    def _publish_path(self, text: str) -> None:
+        """Publish an order on the topic of paths."""
+
+    def _take_path_state(self, text: str) -> None:
+        """Take the state of a node that drives along paths; errors are logged."""
+        try:
+            self._path_state = PathState.of(json.loads(text))
+        except (ValueError, RecursionError) as error:
+            logger.warning("%s_state is invalid: %s", self.names.paths, error)
 
     @property
     @abstractmethod

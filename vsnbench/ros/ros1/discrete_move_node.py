@@ -71,6 +71,8 @@ class Ros1DiscreteMove(DiscreteMoveTask):
         rospy.Subscriber(names.command, Twist, self._on_command, queue_size=20, tcp_nodelay=True)
         subscribe_hazards(names.hazard_topics, self._mover.take_hazard)
         subscribe_states(names, self._mover.take_hazard)
+        self._states = rospy.Publisher(f"{names.paths}_state", String, queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(names.paths, String, self._on_path, queue_size=5, tcp_nodelay=True)
         # A client may call as soon as the service exists, and needs odometry then.
         self._odometry_arrived.wait(_FIRST_ODOMETRY_S)
         Service(f"{names.discrete_move}/reset", Trigger, self._on_reset)
@@ -89,6 +91,9 @@ class Ros1DiscreteMove(DiscreteMoveTask):
         node = sender_of(message)
         if node != rospy.get_name():
             self.take_foreign_command(message, node)
+
+    def _on_path(self, message: Any) -> None:
+        publish_while_open(self._states, String(self.take_path(message.data)))
 
     def _on_request(self, request: Any) -> Any:
         try:

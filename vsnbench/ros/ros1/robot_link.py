@@ -70,6 +70,8 @@ class Ros1Link(RobotLink):
         subscribe_hazards(names.hazard_topics, self._reports.take_hazard)
         subscribe_states(names, self._reports.take_hazard)
         subscribe_battery(names, self._reports.take_battery)
+        self._paths = rospy.Publisher(names.paths, String, queue_size=2, tcp_nodelay=True)
+        self._subscribe_text(f"{names.paths}_state", self._take_path_state)
         self._outcomes = rospy.Subscriber(
             f"{names.discrete_move}/outcome", String, self._on_outcome, queue_size=5, tcp_nodelay=True
         )
@@ -116,6 +118,14 @@ class Ros1Link(RobotLink):
     def can_drive(self) -> bool:
         """Whether the node of discrete_move is that of vsnbench, which has a service for them."""
         return self._drive.name in self.master.state().services
+
+    @property
+    def follows_paths(self) -> bool:
+        """Whether the node of discrete_move is that of vsnbench, which takes orders of paths."""
+        return f"{self.names.paths}_state" in self.master.state().publishers
+
+    def _publish_path(self, text: str) -> None:
+        publish_while_open(self._paths, String(text))
 
     def drive(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None = None) -> bool:
         """Call discrete_move for an action, or the service of vsnbench's node for a movement with parameters.

@@ -47,6 +47,8 @@ class Ros2DiscreteMove(DiscreteMoveTask):
         for part in names.hazard_topics:
             if part.missing_package:
                 logger.warning("%s cannot be read: %s is not installed", part.topic, part.missing_package)
+        publish_state = node.text_publisher(f"{names.paths}_state")
+        node.subscribe_text(names.paths, lambda text: publish_state(self.take_path(text)))
         self._server = TopicServiceServer(node, names.discrete_move, self._answer)
 
     def send(self, command: Command) -> None:

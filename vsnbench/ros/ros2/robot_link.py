@@ -28,6 +28,8 @@ from vsnbench.ros.ros2.topic_service import ANSWER_S, TopicServiceClient
 from vsnbench.ros.ros2.velocities import Velocities
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.compressed_images import is_compressed
+from vsnbench.sensing.path_driver import PathDriver
+from vsnbench.sensing.path_orders import PathOrder, PathState
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.battery import Battery
 from vsnbench.values.encoding.motion_answer import result_of_answer
@@ -65,6 +67,9 @@ class Ros2Link(RobotLink):
             self._server = ""
             settings = motion_settings(profile)
             self._mover = mover_of(profile, settings, self._steer, self.node.now_s, self.node.sleep_until)
+            self._paths = PathDriver(self._mover)
+            self._publish_order = self.node.text_publisher(names.paths)
+            self.node.subscribe_text(f"{names.paths}_state", self._take_path_state)
             self._subscribe()
         except BaseException:
             self.node.close()
@@ -127,6 +132,28 @@ class Ros2Link(RobotLink):
             result = self._mover.drive(movement, _never_gone(watch), timeout_s)
         self._reports.take_outcome(result)
         return result.completed
+
+    @property
+    def follows_paths(self) -> bool:
+        """Whether this process or a node of vsnbench steers the base; no motion adapter takes orders of paths."""
+        if self._server == _WORKSTATION:
+            return bool(self.names.command)
+        return self._server == _ON_ROBOT and bool(self.graph.publishers(f"{self.names.paths}_state"))
+
+    def order_path(self, order: PathOrder) -> None:
+        """Send an order, or repeat it, to what drives along paths."""
+        if self._server == _WORKSTATION:
+            self._path_state = self._paths.take(order)
+        else:
+            super().order_path(order)
+
+    def _publish_path(self, text: str) -> None:
+        self._publish_order(text)
+
+    @property
+    def path_state(self) -> PathState:
+        """Newest state of what drives along paths."""
+        return self._paths.state if self._server == _WORKSTATION else self._path_state
 
     def _ask_robot(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None) -> MotionResult:
         deadline_s = timeout_s - ANSWER_S if timeout_s > ANSWER_S else timeout_s / 2

@@ -5,7 +5,7 @@ answer did. The first step begins with the capture of its image, so that the dur
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from vsnbench.errors import DecisionError, RobotError
 from vsnbench.protocol.execution import KINDS_WHILE_DRIVING, Execution
@@ -26,7 +26,7 @@ from vsnbench.values.model.card import Anchor
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
 from vsnbench.values.movement import Drive, Pixel, Velocity
 from vsnbench.values.observation import Observation
-from vsnbench.values.step import AnswerTiming, StepTimings, taken_action
+from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, taken_action
 
 _NOTHING = MotionResult(completed=True)
 _STANDING = Velocity(duration_s=0.05)
@@ -49,13 +49,15 @@ class _Answer:
     timings: StepTimings
     stale: bool = False
     motion: MotionResult = _NOTHING
+    frames: list[FilmFrame] = field(default_factory=list)
+    """Images that were taken since it took effect."""
 
 
 class ContinuousStepper(Stepper):
     """Takes the steps of one continuous episode; see `Stepper`.
 
-    Time passes on the robot's clock only in `Robot.advance`, also while the model thinks: for the declared latency, or
-    for as long as the model took.
+    In simulation time passes only in `Robot.advance`, also while the model thinks: for the declared latency, or for as
+    long as the model took. On a real robot an answer takes effect when it comes, and not before the declared latency.
     """
 
     def __init__(
@@ -71,6 +73,10 @@ class ContinuousStepper(Stepper):
         self._spent = Spent()
         self._before = start
         self._path_guard = PathGuard(robot.identity.profile, plan.parameters)
+        if robot.now_s() is not None:
+            stop.at_once = robot.halt
+        self._frame_due_s: float | None = None
+        """Time of the next frame of the film."""
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
         """Take a step from a pose in the site; see `Stepper.take`.
@@ -112,7 +118,7 @@ class ContinuousStepper(Stepper):
         return step, reason
 
     def _ask(self) -> _Answer:
-        """Let the model answer the newest observation, without time passing on the robot's clock."""
+        """Let the model answer the newest observation."""
         t0 = time.perf_counter()
         observation = self._robot.observe()
         self.watch.look(observation)
@@ -123,11 +129,14 @@ class ContinuousStepper(Stepper):
         decision = self._decided(self._calls.act(seen, budget_left(self._so_far(), self._plan.parameters)))
         t2 = time.perf_counter()
         took_s = t2 - t1 if self._execution.latency_s is None else self._execution.latency_s
-        answered_s = observation.stamp_s + took_s
+        effect_s = answered_s = observation.stamp_s + took_s
+        if (now_s := self._robot.now_s()) is not None:  # time has passed
+            answered_s = now_s
+            effect_s = now_s if self._execution.latency_s is None else max(effect_s, now_s)
+            took_s = effect_s - observation.stamp_s
         stale = took_s > self._execution.max_answer_age_s
-        return _Answer(
-            observation, seen, decision, answered_s, answered_s, StepTimings(t1 - t0, t2 - t1, None), stale=stale
-        )
+        timings = StepTimings(t1 - t0, t2 - t1, None)
+        return _Answer(observation, seen, decision, answered_s, effect_s, timings, stale=stale)
 
     @staticmethod
     def _decided(decision: Decision) -> Decision:
@@ -170,7 +179,26 @@ class ContinuousStepper(Stepper):
 
     def _drive_until(self, time_s: float) -> bool:
         """Drive on until a time; return whether nothing has ended the episode before it."""
-        result = self._robot.advance(self._until(time_s), self._path_guard)
+        until_s = self._until(time_s)
+        return self._film_until(until_s) and self._advance(until_s)
+
+    def _film_until(self, until_s: float) -> bool:
+        """Drive on and take the frames that are due before a time; return as `_drive_until` does."""
+        running, frames_hz = self._running, self._execution.frames_hz
+        if running is None or frames_hz is None:
+            return True
+        if self._frame_due_s is None:
+            self._frame_due_s = self._now_s(running) + 1 / frames_hz
+        while self._frame_due_s < until_s:
+            if not self._advance(self._frame_due_s):
+                return False
+            if (rgb := self._robot.preview()) is not None:
+                running.frames.append(FilmFrame(self._now_s(running), self._robot.locate().pose, rgb))
+            self._frame_due_s += 1 / frames_hz
+        return True
+
+    def _advance(self, until_s: float) -> bool:
+        result = self._robot.advance(until_s, self._path_guard)
         self._add(result)
         limit_s = self._plan.parameters.time_limit_s
         has_time = limit_s is None or self._so_far().time_s < limit_s
@@ -182,8 +210,15 @@ class ContinuousStepper(Stepper):
         answer = self._running
         if limit_s is None or answer is None:
             return time_s
-        began_s = answer.observation.stamp_s if self._spent.actions == 0 else answer.effect_s
-        return min(time_s, began_s + limit_s - self._spent.time_s + _OVER_LIMIT_S)
+        return min(time_s, self._began_s(answer) + limit_s - self._spent.time_s + _OVER_LIMIT_S)
+
+    def _began_s(self, running: _Answer) -> float:
+        """Return the time from which the motion of an answer counts."""
+        return running.observation.stamp_s if self._spent.actions == 0 else running.effect_s
+
+    def _now_s(self, running: _Answer) -> float:
+        """Return the time on the robot's clock."""
+        return self._began_s(running) + running.motion.duration_s
 
     def _add(self, result: MotionResult) -> None:
         """Add a part of the motion to that of the running answer."""
@@ -204,8 +239,7 @@ class ContinuousStepper(Stepper):
         running = self._running
         assert running is not None  # noqa: S101  # set before anything is driven
         after, motion, reading = self._robot.locate(), running.motion, self._path_guard.last
-        first = self._spent.actions == 0
-        until_s = (running.observation.stamp_s if first else running.effect_s) + motion.duration_s
+        until_s = self._now_s(running)
         path_m = max(self._before.pose.distance_to(after.pose), motion.path_m or 0.0)
         spent = self._spent.after(driving_s=motion.duration_s, thinking_s=0.0, path_m=path_m)
         age_s = running.effect_s - running.observation.stamp_s
@@ -221,6 +255,7 @@ class ContinuousStepper(Stepper):
             timings,
             spent,
             refusal=motion.blocked,
+            frames=tuple(running.frames),
             answer=AnswerTiming(running.answered_s, age_s, until_s, running.stale),
         )
         if self._next is not None:
@@ -234,6 +269,7 @@ class ContinuousStepper(Stepper):
             return
         try:
             if isinstance(error, Stopped):
+                self._robot.halt()
                 self._add(self._robot.interrupted_motion() or NOT_BEGUN)
             self._add(self._robot.come_to_rest())
             step, _ = self._step(time.perf_counter())

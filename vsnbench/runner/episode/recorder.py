@@ -6,6 +6,7 @@ within one action. Where every core runs a worker, each step is written before t
 """
 
 import logging
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,7 +23,8 @@ from vsnbench.results.files.episode_entries import (
     EventEntry,
     StepEntry,
 )
-from vsnbench.results.files.images import EpisodeImages, StampedPose, WrittenImages, hash_images
+from vsnbench.results.files.film import FILM, RecordedFrame, StampedPose, film_to_json
+from vsnbench.results.files.images import EpisodeImages, WrittenImages, hash_images
 from vsnbench.results.files.mark_photos import MarkPhotos
 from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
@@ -209,10 +211,14 @@ class EpisodeRecorderFanOut:
             pending.result()
 
     def _write(self, step: Step) -> None:
-        images = self._images.write(step.index, step.observation) if self._images else hash_images(step.observation)
+        images = (
+            self._images.write(step.index, step.observation, step.frames)
+            if self._images
+            else hash_images(step.observation)
+        )
         record = record_of_step(step, images)
         self._journal.append_step(self._claim.id, record)
-        self._show(StepEntry(record, step.decision, images.rgb_jpeg, images.depth_png))
+        self._show(StepEntry(record, step.decision, images.rgb_jpeg, images.depth_png, images.film))
 
     def _show(self, entry: Entry) -> None:
         if self._sink is not None:
@@ -249,13 +255,15 @@ def record_of_step(step: Step, images: WrittenImages) -> StepRecord:
         depth_file_digest=depth_file_digest,
         timings=step.timings,
         probabilities=decision.diagnostics.probabilities,
-        details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation),
+        details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation, images.film),
     )
 
 
-def sensing_details(observation: Observation) -> dict[str, Any]:
+def sensing_details(observation: Observation, film: Sequence[RecordedFrame] = ()) -> dict[str, Any]:
     """Return how the observation was sensed, as part of a step's `details`; empty if nothing is known."""
-    sensing = dict(observation.sensing)
+    sensing: dict[str, Any] = dict(observation.sensing)
     if observation.depth_stamp_s is not None:
         sensing["depth_stamp_s"] = observation.depth_stamp_s
+    if film:
+        sensing[FILM] = film_to_json(film)
     return {SENSING: sensing} if sensing else {}

@@ -27,7 +27,7 @@ from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
 from vsnbench.values.movement import Pixel, goes_sideways
 from vsnbench.values.observation import Budget, Observation
-from vsnbench.values.step import AnswerTiming, StepTimings, lasted_s
+from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, lasted_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +55,8 @@ class Step:
     """Why the action was refused or ended early, or an empty string."""
     answer: AnswerTiming | None = None
     """In continuous execution, when the answer took effect."""
+    frames: tuple[FilmFrame, ...] = ()
+    """In continuous execution, images that were taken until the next answer took effect."""
 
     @property
     def ended_s(self) -> float:

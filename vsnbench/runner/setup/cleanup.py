@@ -8,6 +8,7 @@ from pathlib import Path
 from vsnbench.errors import RecordError
 from vsnbench.files.atomic import PART, sweep_part_directory, sweep_parts
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.film import film_path
 from vsnbench.results.files.images import depth_path, rgb_path
 from vsnbench.results.files.staged_import import remove_stale_imports
 from vsnbench.results.reading.queries import images_directories
@@ -42,6 +43,7 @@ def sweep_results(results: ResultsDirectory, journal: Journal) -> None:
         lost = episode.steps + 1
         while rgb_path(directory, lost).is_file() or depth_path(directory, lost).is_file():
             leftovers += [rgb_path(directory, lost), depth_path(directory, lost)]
+            leftovers += directory.glob(film_path(Path(), lost, 0).as_posix().replace("-000", "-*"))
             lost += 1
         for path in leftovers:
             with contextlib.suppress(OSError):

@@ -5,22 +5,7 @@ from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.protocol.execution import KINDS_WHILE_DRIVING
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
-from vsnbench.robots.profiles import is_profile
 from vsnbench.values.model.card import ModelCard
-
-
-def check_simulated(parameters: ProtocolParameters, robot: str) -> None:
-    """Refuse continuous execution on a robot over ROS before it is opened.
-
-    Raises:
-        UsageError: `not-simulated`.
-    """
-    if parameters.execution is not None and is_profile(robot):
-        raise UsageError(
-            f"--continuous is only for simulated robots so far, and robot {robot} is not simulated in this process",
-            advice=f"use --robot simulated:{robot}, or leave --continuous out",
-            code="not-simulated",
-        )
 
 
 def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
@@ -35,8 +20,9 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
     name = robot.identity.profile.name
     if not robot.drives_on:
         raise UsageError(
-            f"--continuous: robot {name} takes no velocity commands, so it cannot drive on while a model thinks",
-            advice="use --robot simulated, or leave --continuous out",
+            f"--continuous: robot {name} takes no velocity commands and no paths, so it cannot drive on while a model "
+            "thinks",
+            advice="use vsnbench robots serve on a robot over ROS, --robot simulated, or leave --continuous out",
             code="no-velocity-commands",
         )
     if not card.action_kinds & KINDS_WHILE_DRIVING:

@@ -25,7 +25,6 @@ from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, VoidLimit
 from vsnbench.runner.operator.contract import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.session import run_session
-from vsnbench.runner.setup.execution import check_simulated
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import is_surveyed, plan_trials
 from vsnbench.runner.setup.trial_setup import (
@@ -60,7 +59,6 @@ def launch(
     """
     spec, results = request.setup, request.results
     check_before_opening(spec.disturbances, spec.robot, rehearsal=spec.rehearsal)
-    check_simulated(spec.parameters, spec.robot)
     note = "" if os.environ.get(TEMPORARY_RESULTS) else results.new_record_note
     surveyed = is_surveyed(request.site)
     if surveyed:

@@ -90,6 +90,9 @@ class StopRequests:
     def __init__(self) -> None:
         self.last_acts: list[Callable[[], object]] = []
         """Called in order, each for at most `HALT_TIMEOUT_S`, before the process is forced to end: the robot first."""
+        self.at_once: Callable[[], object] | None = None
+        """Called in another thread when the first signal arrives: stops a robot that drives on while the main thread
+        is in a model's code, which may not return for a while."""
         self._pending: StopRequest | None = None
         self._acted_on: StopRequest | None = None
         """The last request raised inside `interruptible()`."""
@@ -211,6 +214,8 @@ class StopRequests:
                     if received[0] != signal.SIGINT and signals and time.monotonic() - first_s < TOGETHER_S:
                         continue
                     signals += 1
+                    if signals == 1 and self.at_once is not None:
+                        threading.Thread(target=_quietly, args=(self.at_once,), daemon=True).start()
                 if signals >= 2 and not self._ended.is_set():
                     self._force_end(received[0])
 

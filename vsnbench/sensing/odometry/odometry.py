@@ -1,7 +1,9 @@
 """Checks of odometry, and unwrapping of its heading (paper, Section 3.1.4)."""
 
 import math
+from bisect import bisect_left
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from vsnbench.values.pose import Pose, wrap_angle
@@ -50,6 +52,31 @@ def heading_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     if not math.isfinite(norm) or norm < 0.5:
         return math.nan
     return math.atan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z))
+
+
+def pose_at(readings: Sequence[OdometryReading], stamp_s: float) -> Pose | None:
+    """Return the pose at a time on the robot's clock, interpolated between two readings.
+
+    A time after the newest reading has its pose. None for a time before the oldest, and without readings.
+
+    Args:
+        readings: oldest first.
+        stamp_s: the time.
+    """
+    after = bisect_left(readings, stamp_s, key=lambda reading: reading.stamp_s)
+    if after == len(readings):
+        return readings[-1].pose if readings else None
+    later = readings[after]
+    if after == 0:
+        return later.pose if later.stamp_s == stamp_s else None
+    earlier = readings[after - 1]
+    share = (stamp_s - earlier.stamp_s) / (later.stamp_s - earlier.stamp_s)
+    a, b = earlier.pose, later.pose
+    return Pose(
+        a.x_m + share * (b.x_m - a.x_m),
+        a.y_m + share * (b.y_m - a.y_m),
+        a.heading_rad + share * (b.heading_rad - a.heading_rad),
+    )
 
 
 class OdometryTracker:

@@ -43,6 +43,7 @@ class DrivenBase:
         self._motors = Motors(dynamics, lateral_m_s, self.physics.track_m)
         self.is_real_time = False
         self._due_s = 0.0
+        self._trail: deque[tuple[Pose, Attitude]] = deque(maxlen=0)
 
     def place(self, pose: Pose, rng: np.random.Generator) -> None:
         """Put the base down at rest; its odometry begins at zero, with errors from `rng`."""
@@ -56,11 +57,29 @@ class DrivenBase:
         self._come_to_rest()
         self._rolled = self._measured = self._wheels.pose
         self._drifted_rad = self._passed_s = 0.0
+        self._trail.clear()
+
+    def keep_trail(self, duration_s: float) -> None:
+        """Remember from now on where the base was during the last `duration_s`, for `seen`."""
+        self._trail = deque(self._trail, maxlen=math.ceil(duration_s / CONTROL_PERIOD_S - 1e-9))
+
+    def seen(self, ago_s: float) -> tuple[Pose, Attitude]:
+        """Return pose and attitude of the base some time ago, within the kept duration and the episode."""
+        trail = [*self._trail, (self.physics.pose, self.attitude)]
+        place = max(len(trail) - 1 - ago_s / CONTROL_PERIOD_S, 0.0)
+        k = min(int(place), len(trail) - 1)
+        (a, attitude), (b, _) = trail[k], trail[min(k + 1, len(trail) - 1)]
+        share = place - k
+        turn_rad = math.remainder(b.heading_rad - a.heading_rad, math.tau)
+        x_m, y_m = a.x_m + share * (b.x_m - a.x_m), a.y_m + share * (b.y_m - a.y_m)
+        return Pose(x_m, y_m, a.heading_rad + share * turn_rad), attitude
 
     def drive(self, command: Command) -> Touch | None:
         """Hold a velocity for one control period; return the present contact, or None."""
         if self.is_real_time:
             self._wait()
+        if self._trail.maxlen:
+            self._trail.append((self.physics.pose, self.attitude))
         if self._is_ideal:
             return self.physics.drive(command)
         self._passed_s += CONTROL_PERIOD_S

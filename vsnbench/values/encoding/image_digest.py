@@ -39,6 +39,8 @@ class StepDigests:
     rgb_file: str | None = None
     """Digest of the bytes of the colour file; None without a file and in records from before schema 0009."""
     depth_file: str | None = None
+    film: tuple[str, ...] = ()
+    """Digests of the files of the images that were taken until the next answer took effect."""
 
 
 def rgb_digest(rgb: npt.NDArray[np.uint8]) -> str:

@@ -10,6 +10,7 @@ from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.text.sanitize import counted
 from vsnbench.values.encoding.images import decode_picture
 from vsnbench.values.movement import movement_text
+from vsnbench.values.pose import Pose
 from vsnbench.values.step import driven_path
 from vsnbench.viewer.replay import EpisodeReplay
 from vsnbench.viewer.video.canvas import FAINT, INK, Area, FrameCanvas, Image, Rgb
@@ -33,8 +34,33 @@ class PanelStyle:
     """Show the plan, the action and the model's scores; otherwise only the camera and the result."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Shot:
+    """What one frame of the video shows."""
+
+    jpeg: bytes | None
+    step: int
+    """Index of the step that the robot takes."""
+    poses: int
+    """Number of poses of the driven path until then."""
+
+
+def _shots_of(start: Pose, entries: list[StepEntry]) -> tuple[list[_Shot], list[Pose]]:
+    """Return the frames of an episode and its path: one per step, or the first and its film where it has one."""
+    if not any(entry.film for entry in entries):
+        path = driven_path(start, (entry.step for entry in entries))
+        return [_Shot(entry.rgb_jpeg, k, k + 1) for k, entry in enumerate(entries)], path
+    shots, path = [_Shot(entries[0].rgb_jpeg, 0, 1)], [start]
+    for k, entry in enumerate(entries):
+        for frame in entry.film:
+            path.append(frame.moment.pose)
+            shots.append(_Shot(frame.rgb_jpeg, k, len(path)))
+        path.append(driven_path(path[-1], [entry.step])[-1] if entry.step.world is not None else path[-1])
+    return shots, path
+
+
 class EpisodePanel:
-    """Draws an episode, one frame per step and a last one with the verdict."""
+    """Draws an episode, one frame per step or per image of its film, and a last one with the verdict."""
 
     def __init__(self, replay: EpisodeReplay, area: Area, style: PanelStyle) -> None:
         """Prepare the panel.
@@ -51,8 +77,8 @@ class EpisodePanel:
                 advice="episodes recorded with `--keep none`, and some imported ones, cannot become a video",
                 code="no-images",
             )
-        self._path = driven_path(replay.header.begin.pose, (entry.step for entry in self._steps))
-        self._camera = _Camera(self._steps)
+        self._shots, self._path = _shots_of(replay.header.begin.pose, self._steps)
+        self._camera = _Camera(self._shots)
         title, line = round(style.text * 2.2), round(style.text * 1.7)
         self._title = Area(area.left + style.text, area.top, area.width - 2 * style.text, title)
         body = Area(area.left, area.top + title, area.width, area.height - title)
@@ -82,18 +108,19 @@ class EpisodePanel:
     @property
     def frames(self) -> int:
         """Number of frames."""
-        return len(self._steps) + 1
+        return len(self._shots) + 1
 
     def draw(self, canvas: FrameCanvas, frame: int) -> None:
         """Draw a frame, from 0; later ones show the end."""
-        is_end = frame >= len(self._steps)
-        number = min(frame, len(self._steps) - 1)
+        is_end = frame >= len(self._shots)
+        shot = self._shots[min(frame, len(self._shots) - 1)]
+        number = len(self._steps) - 1 if is_end else shot.step
         header = self._replay.header
         title = f"{header.goal} from start {header.start_number} · {header.model}"
         canvas.write(title, self._title, self._style.text, bold=True)
-        canvas.paste(self._camera.picture(number), self._picture)
+        canvas.paste(self._camera.picture(min(frame, len(self._shots) - 1)), self._picture)
         if self._style.details:
-            path = self._path[: len(self._path) if is_end else number + 1]
+            path = self._path[: len(self._path) if is_end else shot.poses]
             color = self._result()[1] if is_end else PATH_RGB
             canvas.paste(self._plan.draw(path, color), self._plan_area)
             self._write_step(canvas, self._steps[number])
@@ -148,16 +175,16 @@ class EpisodePanel:
 class _Camera:
     """Decodes the colour images of an episode; a missing or damaged one repeats the last."""
 
-    def __init__(self, steps: list[StepEntry]) -> None:
-        self._steps = steps
+    def __init__(self, shots: list[_Shot]) -> None:
+        self._shots = shots
         self._number = -1
         self._shown: Image = np.full((48, 64, 3), _MISSING_RGB, np.uint8)
 
     def picture(self, number: int) -> Image:
-        """Return the image with which a step was decided, (H, W, 3) RGB."""
+        """Return the image of a frame, (H, W, 3) RGB."""
         if number != self._number:
             self._number = number
-            jpeg = self._steps[number].rgb_jpeg
+            jpeg = self._shots[number].jpeg
             bgr = decode_picture(jpeg, cv2.IMREAD_COLOR) if jpeg else None
             if bgr is not None:
                 self._shown = np.ascontiguousarray(bgr[..., ::-1])

@@ -63,6 +63,18 @@ class Client:
         guard = PathGuard(self.robot.profile, ProtocolParameters())
         return measured(self.robot.drive(movement_from_json(movement), guard))
 
+    def drive_on(self, movement: dict, seconds: float = 6.0) -> dict:
+        """Drive on with the guard of a run, with a new path every 0.3 s, until something ends the motion."""
+        guard = PathGuard(self.robot.profile, ProtocolParameters())
+        self.robot.observe()
+        end_s = (now_s := self.robot.now_s() or 0.0) + seconds
+        result = self.robot.advance(now_s, guard)
+        while result.completed and now_s < end_s:
+            now_s += 0.3
+            self.robot.follow(movement_from_json(movement))
+            result = result.followed_by(self.robot.advance(now_s, guard))
+        return measured(result.followed_by(self.robot.come_to_rest()))
+
     def kinds(self) -> list:
         return sorted(self.robot.action_kinds)
 

@@ -1,0 +1,56 @@
+"""Images between the answers of a robot that drives on: their files, and what the record has of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from vsnbench.values.decision_check import SENSING
+from vsnbench.values.pose import Pose
+
+FILM: Final = "film"
+"""Key in the `sensing` of a step's details, and folder of the files."""
+
+
+@dataclass(frozen=True, slots=True)
+class StampedPose:
+    """A pose with its time on the robot's clock, seconds."""
+
+    stamp_s: float
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """An image that was taken while the robot drove."""
+
+    moment: StampedPose
+    """Its time, and the robot's pose in the site."""
+    file_digest: str
+    """Digest of the bytes of its file."""
+    rgb_jpeg: bytes | None = None
+    """Content of the file, for viewers; None if it is missing."""
+
+
+def film_path(directory: Path, number: int, frame: int) -> Path:
+    """Return the path of an image after the answer of a step; both count from 1."""
+    return directory.joinpath(FILM, f"{number:04d}-{frame:03d}.jpg")
+
+
+def film_to_json(film: Sequence[RecordedFrame]) -> list[list[Any]]:
+    """Return what the record has of images: [stamp_s, x_m, y_m, heading_rad, digest of the file] each."""
+    rows = ((frame.moment, frame.file_digest) for frame in film)
+    return [[at.stamp_s, at.pose.x_m, at.pose.y_m, at.pose.heading_rad, digest] for at, digest in rows]
+
+
+def film_of(details: object) -> tuple[RecordedFrame, ...]:
+    """Return the images of a step with these details, without their files; none if they cannot be read."""
+    sensing = details.get(SENSING) if isinstance(details, Mapping) else None
+    rows = sensing.get(FILM) if isinstance(sensing, Mapping) else None
+    try:
+        return tuple(
+            RecordedFrame(StampedPose(float(stamp_s), Pose(float(x_m), float(y_m), float(heading_rad))), str(digest))
+            for stamp_s, x_m, y_m, heading_rad, digest in rows or ()
+        )
+    except (TypeError, ValueError):
+        return ()
