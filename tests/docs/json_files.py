@@ -112,7 +112,7 @@ def write_files(directory: Path) -> None:
         "invalid-site.yaml": starter.replace("title:", "titel:"),
         "goals.yaml": starter + starts + GOALS,
         "robot.yaml": plain.replace("linear_m_s: 0.3", "linear_m_s: 0.9").replace(
-            "tilt_deg:", "roll_deg: 2\n  tilt_deg:"
+            "tilt_deg:", "roll_deg: 2\n  exposure_s: 0.02\n  tilt_deg:"
         ),
         "legs.yaml": profile.partition("\ninterface:")[0].replace(wheels, LATERAL),
         "invalid-robot.yaml": profile.replace("radius_m: 0.177", "radius_m: 17"),
