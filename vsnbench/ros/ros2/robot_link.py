@@ -65,6 +65,7 @@ class Ros2Link(RobotLink):
             self._discrete_move = TopicServiceClient(self.node, names.discrete_move)
             self._place = TopicServiceClient(self.node, names.simulation_topic(PLACE))
             self._server = ""
+            self._is_commanded = False
             settings = motion_settings(profile)
             self._mover = mover_of(profile, settings, self._steer, self.node.now_s, self.node.sleep_until)
             self._paths = PathDriver(self._mover)
@@ -115,7 +116,8 @@ class Ros2Link(RobotLink):
 
     def command(self, command: Command) -> None:
         """Command a velocity, whatever executes movements."""
-        if command != STANDSTILL:
+        was_commanded, self._is_commanded = self._is_commanded, command != STANDSTILL
+        if was_commanded or self._is_commanded:  # a base rolls on until the zero that ends other velocities
             self._mover.take_other_command()
         self.velocities.send(command)
 
