@@ -59,8 +59,8 @@ class RobotSnapshot:
     """Number of messages so far, by the field that they fill: `readings`, `colors`, `depths`, `labels`."""
     calibrations: Mapping[str, Calibration] = field(default_factory=lambda: MappingProxyType({}))
     """Calibration by topic of the images; None for an uncalibrated camera_info."""
-    categories: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Categories of a simulator by label."""
+    categories: Mapping[int, str] | None = None
+    """Categories of a simulator by label; None before the first message, and empty for a site without objects."""
     active_hazards: frozenset[tuple[Hazard, int]] = frozenset()
     """Active hazard sensors: hazard and number of the sensor."""
     hazard_events: tuple[tuple[Hazard, str], ...] = ()

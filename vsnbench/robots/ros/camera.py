@@ -232,7 +232,7 @@ class RosCamera:
         def complete(now: RobotSnapshot, skew_s: float = MAX_SKEW_S) -> tuple[MatchedImages[Any], RobotSnapshot] | None:
             colors: Sequence[Stamped[Any]] = now.colors
             if self.labelled:
-                labelled = {image.stamp_s for image in now.labels} if now.categories else set()
+                labelled = {image.stamp_s for image in now.labels} if now.categories is not None else set()
                 colors = [image for image in now.colors if image.stamp_s in labelled]
             colors, depths = not_ahead(colors, now), not_ahead(now.depths, now)
             match = match_images(colors, depths, end, self.depth_frames, skew_s)
@@ -248,7 +248,7 @@ class RosCamera:
         for labels in now.labels if self.labelled else ():
             if labels.stamp_s == match.color.stamp_s:
                 ids = decode_labels(self._link.image(labels.payload))
-                return match, InstanceImage(ids=ids, categories=now.categories)
+                return match, InstanceImage(ids=ids, categories=now.categories or {})
         return match, None
 
     def _has_own_size(self, depth: npt.NDArray[Any]) -> bool:
