@@ -1,7 +1,7 @@
 """Follower of paths that replace each other while the robot drives: pure pursuit within speeds and accelerations.
 
 `PathController` drives one path from rest to rest, and settles at its end. This follower keeps the velocity when a path
-replaces the one before it, so that there is no jump at the joint. It stops where the last path ends.
+replaces another, so there is no jump where they join. The base stops at the end of the newest path.
 """
 
 import math

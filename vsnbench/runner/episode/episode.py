@@ -46,7 +46,7 @@ class EpisodeOperator(Protocol):
         ...
 
     def asks_where(self, *, can_measure: bool) -> bool:
-        """Return whether somebody asks where the robot is."""
+        """Return whether the operator has asked for the robot's pose."""
         ...
 
     def show_where(self, text: str) -> None:

@@ -55,7 +55,7 @@ class RecordedOperator(EpisodeOperator):
         self._operator.step_taken(plan, hide_choice(step) if self._is_blind else step)
 
     def asks_where(self, *, can_measure: bool) -> bool:
-        """Return whether somebody asks where the robot is."""
+        """Return whether the operator has asked for the robot's pose."""
         return self._operator.asks_where(can_measure=can_measure)
 
     def show_where(self, text: str) -> None:

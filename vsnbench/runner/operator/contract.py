@@ -115,10 +115,12 @@ class Operator(ABC):
         """Show an action. Default: nothing."""
 
     def asks_where(self, *, can_measure: bool) -> bool:
-        """Return, once, whether somebody asks where the robot is; called between two actions. Default: nobody does.
+        """Return whether the operator has asked for the robot's pose since the last call. Default: False.
+
+        Called between two actions.
 
         Args:
-            can_measure: whether the robot can say so.
+            can_measure: whether the pose can be measured now.
         """
         del can_measure
         return False

@@ -144,7 +144,7 @@ class TerminalOperator(AbsentOperator):
         self._prompts.notify()
 
     def asks_where(self, *, can_measure: bool) -> bool:
-        """Return whether somebody asks, at the terminal or in a browser."""
+        """Return whether an operator asked, at the terminal or in a browser."""
         if can_measure != self._prompts.state.measures_on_the_way:
             self._prompts.state.measures_on_the_way = can_measure
             self._prompts.notify()
