@@ -162,6 +162,21 @@ def test_a_closed_terminal_does_not_judge(answers: tuple[str, ...]) -> None:
         judged_by(Terminal(*answers), stopped())
 
 
+def test_a_question_where_the_robot_is_belongs_to_one_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, said = operator_at(Terminal()), list[str]()
+    prompts = operator._prompts
+    monkeypatch.setattr(operator._display, "say", said.append, raising=False)
+    prompts.driving = True
+    prompts.ask_where()
+    assert operator.asks_where(can_measure=True)
+    prompts.ask_where()
+    assert not operator.asks_where(can_measure=False)
+    assert "depth camera" in said[0]
+    prompts.ask_where()
+    operator.episode_ended(EndedEpisode(12, PLAN_OF_31, stopped()))
+    assert not operator.asks_where(can_measure=True), "it came after the last action"
+
+
 def test_void_trials_run_again_in_the_session_only_with_a_page() -> None:
     assert operator_at(Terminal(), has_page=True).repeats_void_trials
     assert not operator_at(Terminal()).repeats_void_trials

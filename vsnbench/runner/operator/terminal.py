@@ -162,6 +162,7 @@ class TerminalOperator(AbsentOperator):
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Show how the episode ended."""
         self._prompts.driving = False
+        self._prompts.take_where()  # a question that came too late is not one about the next episode
         self._prompts.state.episode_ended(ended)
         super().episode_ended(ended)
         self._prompts.record_changed()

@@ -223,7 +223,9 @@ def _nearer(now: Command, wanted: Command, acceleration_m_s2: float, track_m: fl
     most_m_s = acceleration_m_s2 * CONTROL_PERIOD_S
     wheels = []
     for side in (-1, 1):
-        is_m_s, wanted_m_s = (base.linear_m_s + side * base.angular_rad_s * track_m / 2 for base in (now, wanted))
+        is_m_s, wanted_m_s = (
+            velocity.linear_m_s + side * velocity.angular_rad_s * track_m / 2 for velocity in (now, wanted)
+        )
         wheels.append(is_m_s + max(-most_m_s, min(wanted_m_s - is_m_s, most_m_s)))
     left_m_s, right_m_s = wheels
     return Command((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / track_m, wanted.lateral_m_s)
