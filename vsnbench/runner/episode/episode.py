@@ -158,6 +158,7 @@ def run_episode(
     except RobotError as failure:
         reason, error = EndReason.MOTION_FAILED, str(failure)
     finally:
+        stop.at_once = None
         robot.halt()
     if stepper is not None and (cut := stepper.interrupted) is not None:
         recorder.step(cut)
