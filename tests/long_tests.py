@@ -163,6 +163,14 @@ LONG = {
         "test_the_commands_of_a_page_succeed_in_order[vlv.md]",
         "test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals",
     ),
+    **_of(
+        "docs/test_json_schemas.py",
+        "docs/test_json_schemas.py: frozen outputs and quick commands; golden/test_golden.py",
+        "test_the_output_of_a_command_is_as_its_schema_says",
+        "test_every_part_of_a_schema_is_compared_with_a_value",
+        "test_times_are_in_iso_8601",
+        "test_the_page_of_a_second_rater_is_as_its_schema_says",
+    ),
     # Pages in a browser: each keeps one walk through it.
     **_of(
         "web/site_editor/test_goals.py",

@@ -13,7 +13,8 @@ from typer.main import get_command
 from scripts.json_schemas import read_schemas, schemas
 from tests.cli.console import vsnbench_process
 from tests.docs.json_coverage import parts_without_a_value
-from tests.docs.json_outputs import COMMANDS, SCHEMAS, collect, faults, name_of
+from tests.docs.json_outputs import COMMANDS, QUICK, SCHEMAS, collect, faults, name_of
+from tests.golden.__main__ import frozen
 from vsnbench.cli.main import VERBS, build_app
 
 ELSEWHERE = {"robots calibrate": "tests/robots/calibrating.py, with ROS"}
@@ -107,6 +108,23 @@ def test_every_property_has_a_description_of_its_own(path: Path) -> None:
         descriptions = [part.get("description") for part in properties.values()]
         assert all(descriptions), properties.keys()
         assert len(set(descriptions)) == len(descriptions), descriptions
+
+
+def test_frozen_outputs_are_as_their_schemas_say() -> None:
+    """Golden outputs are what the commands print of frozen records."""
+    found = {}
+    for line, text in frozen("outputs").items():
+        printed = text.partition("\n")[2]
+        if re.search(r" --(json|format json)\b[^:]*$", line) and printed.startswith(("{", "[")):
+            found[line] = faults(file_of(name_of(line)), json.JSONDecoder().raw_decode(printed)[0])
+    assert len(found) >= 15
+    assert {line: wrong for line, wrong in found.items() if wrong} == {}
+
+
+@pytest.mark.slow
+def test_outputs_of_quick_commands_are_as_their_schemas_say(tmp_path: Path) -> None:
+    found = collect(tmp_path, QUICK)
+    assert [fault for name in found for value in found[name] for fault in faults(file_of(name), value)] == []
 
 
 @pytest.mark.slow
