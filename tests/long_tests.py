@@ -473,4 +473,151 @@ LONG = {
         for major in (12, 13, 14, 15, 16)
         for test in ("test_a_model_in_another_environment_answers",)
     },
+    # Each takes 4 s of processor time or more, or starts processes, and repeats a cheaper test on a larger record, with
+    # another engine or in a second form.
+    **_of(
+        "examples/test_examples.py",
+        "its case [widest_opening:WidestOpening]",
+        "test_the_examples_pass_models_check[image_goal:HistogramMatcher]",
+        "test_the_examples_pass_models_check[frontier:Frontier]",
+    ),
+    **_of(
+        "examples/test_adapters.py",
+        "examples/test_adapters.py::test_navdp_drives_a_metre_at_a_time_and_stops_where_the_server_zeroes_its_trajectory",
+        "test_the_adapters_pass_models_check_and_state_their_camera[NavDP]",
+        "test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_to_its_sub_goal",
+        "test_uninavid_executes_predicted_actions[False]",
+        "test_navila_drives_as_far_as_its_answers_say[False]",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "runner/study/test_integrity.py",
+        "test_a_record_that_was_changed_is_named_by_every_verb_and_not_run",
+    ),
+    **_of(
+        "report/test_page.py",
+        "report/test_page.py::test_the_page_works_without_a_network_and_sorts_by_a_click",
+        "test_the_page_is_led_by_its_question_and_folds_what_is_long[390]",
+    ),
+    **_of(
+        "models/vlv/test_mask_rcnn.py",
+        "the others of its file, with recorded answers",
+        "test_finds_on_a_camera_image_what_torchvision_finds",
+    ),
+    **_of("docs/test_reference_pages.py", "golden/test_golden.py", "test_every_table_heading_is_in_the_glossary"),
+    **_of("docs/test_served_model.py", "models/remote/test_serving.py", "test_the_server_of_the_page_drives_a_trial"),
+    **_of(
+        "docs/test_commands.py",
+        "its case [robots.md]; cli/test_sites.py, web/operator/test_page.py",
+        "test_the_commands_of_a_page_succeed_in_order[sites.md]",
+        "test_the_commands_of_a_page_succeed_in_order[console.md]",
+    ),
+    **_of(
+        "benchmarks/test_stops.py",
+        "localization/test_matching.py",
+        "test_verdicts_by_the_measured_pose_are_right_where_those_by_the_odometry_are_not",
+    ),
+    **_of(
+        "fuzz/test_fuzz.py",
+        "errors/test_files.py, `make fuzz`",
+        "test_nothing_gets_past_a_loader_s_boundary[site]",
+        "test_nothing_gets_past_a_loader_s_boundary[vlv value]",
+        "test_nothing_gets_past_a_loader_s_boundary[upstream log]",
+        "test_nothing_gets_past_a_loader_s_boundary[mask r-cnn]",
+        "test_nothing_gets_past_a_loader_s_boundary[habitat]",
+    ),
+    **_of(
+        "results/test_goals.py",
+        "protocol/test_goal_distance.py, results/merging",
+        "test_the_oracle_reaches_every_kind_of_goal_and_the_record_keeps_its_definition",
+        "test_a_merge_keeps_definitions_and_refuses_different_ones",
+    ),
+    **_of(
+        "cli/running/test_run_keeping.py", "golden/test_golden.py", "test_what_is_kept_changes_nothing_that_happened"
+    ),
+    **_of(
+        "cli/results/test_read_only.py",
+        "results/schema/test_engine.py",
+        "test_a_read_only_record_is_read_whole_and_stays_as_it_is[True]",
+    ),
+    **_of(
+        "report/comparison/test_compare.py",
+        "report/comparison/test_compare.py::test_several_questions_are_corrected_together",
+        "test_the_same_outcomes_under_five_seeds_give_the_verdict_of_one",
+        "test_several_models_have_a_global_test_and_letters_for_distinct_groups",
+    ),
+    **_of(
+        "cli/test_missing_extras.py",
+        "its other cases",
+        "test_a_verb_says_which_extra_it_wants[viewer-rerun,rerun_bindings,rerun_cli-view]",
+        "test_a_verb_says_which_extra_it_wants[ray-ray-run]",
+    ),
+    **_of(
+        "report/test_figures.py",
+        "report/test_figures.py::test_the_same_record_gives_the_same_bytes",
+        "test_png_keeps_its_resolution_after_the_vector_forms",
+    ),
+    **_of(
+        "models/remote/test_websockets_versions.py",
+        "its test of an answer, case [17]",
+        "test_the_command_runs_a_model_in_another_environment[17]",
+    ),
+    **_of(
+        "interop/test_merge.py",
+        "interop/test_merge.py::test_a_record_that_was_split_in_five_is_whole_again_with_an_equal_report",
+        "test_one_part_after_another_is_the_same_and_twice_is_the_same_as_once",
+        "test_pictures_of_a_server_come_from_the_directories_of_its_robots",
+    ),
+    **_of(
+        "interop/test_merge_files.py",
+        "its case [truncated]",
+        "test_an_intact_copy_repairs_damaged_images[deleted depth]",
+        "test_an_intact_copy_repairs_damaged_images[link]",
+        "test_an_intact_copy_repairs_damaged_images[empty]",
+        "test_an_intact_copy_repairs_damaged_images[deleted colour]",
+    ),
+    **_of(
+        "models/remote/test_serving.py",
+        "models/pirlnav/test_parity.py, models/remote/test_policy.py",
+        "test_pirlnav_elsewhere_gives_the_same_logits_and_actions_to_the_bit",
+    ),
+    **_of(
+        "results/studies/test_log.py",
+        "its cases [sqlite-...]",
+        "test_a_merge_unites_two_logs_and_keeps_the_sign_of_a_deleted_event[postgresql-]",
+    ),
+    **_of(
+        "cli/results/test_export_video.py",
+        "cli/results/test_export_video.py::test_an_episode_is_a_frame_per_action_and_two_seconds_of_its_verdict",
+        "test_a_montage_and_failures_are_chosen_by_options",
+        "test_a_hostile_name_and_a_damaged_image_still_become_a_video",
+    ),
+    **_of(
+        "cli/models/test_models.py",
+        "models/test_contract_check.py, cli/models/test_models_cards.py",
+        'test_a_check_prints_each_result_as_it_is_known_and_json_in_one_piece[option0-"card " in shown]',
+        "test_only_what_the_command_line_has_is_shown_as_an_option",
+    ),
+    **_of(
+        "cli/running/test_place.py",
+        "localization/test_matching.py::test_a_bare_wall_does_not_determine_left_and_right_but_a_turn_does",
+        "test_an_ambiguous_look_suggests_the_next_command_which_determines_the_pose",
+    ),
+    **_of(
+        "localization/test_matching.py",
+        "localization/test_differences.py and the others of its file",
+        "test_what_fits_farther_off_than_robots_are_looked_for_is_not_where_it_stands",
+        "test_removed_objects_are_reported_and_do_not_bias",
+    ),
+    **_of(
+        "robots/test_blind_camera.py",
+        "the others of its file",
+        "test_a_camera_without_half_of_its_depth_is_lost_once_the_robot_has_turned",
+    ),
+    **_of(
+        "models/baselines/test_oracle.py",
+        "its case [chair]; golden/test_golden.py",
+        "test_the_oracle_reaches_every_goal_and_from_every_start_some[toilet]",
+        "test_the_oracle_reaches_every_goal_and_from_every_start_some[table]",
+    ),
 }

@@ -68,17 +68,27 @@ COMMANDS = (
 )
 """Command lines in order; an underscore in a word of `compare` is a blank. Written files belong to the output."""
 
+DAILY = tuple(
+    line
+    for line in COMMANDS
+    if "--output page" not in line
+    and not line.startswith("db status")
+    and not (line.startswith("stress") and "--json" not in line)
+    if not (line.startswith("compare") and ("markdown" in line or "latex" in line))
+)
+"""Without pictures, without second forms of what takes seconds to count, and without the size of the record."""
+
 PAGES = ("episodes.json", "episode-1.json", "episode-3.json")
 """Answers of the results browser, below /data."""
 
 
-def collect(directory: Path) -> dict[str, str]:
+def collect(directory: Path, commands: tuple[str, ...] = COMMANDS) -> dict[str, str]:
     """Return the text of every output by its name. An empty directory is used for the records and the files."""
     environment = {"VSNBENCH_OPERATOR": "Ada", "COLUMNS": "80", "SOURCE_DATE_EPOCH": "1767225600"}
     unpack(directory)
     texts: dict[str, str] = {}
     with contextlib.chdir(directory), mock.patch.dict(os.environ, environment):
-        for line in COMMANDS:
+        for line in commands:
             known = _files()
             texts[line] = _neutral(run(line), directory)
             texts |= {f"{line}: {name}": _neutral(_text(name), directory) for name in sorted(_files() - known)}

@@ -150,11 +150,14 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     with_paper = reference is not None
     if output is not None or serve:
         from vsnbench.report.figures.choose import build_and_draw
-        from vsnbench.report.figures.style import column_of
+        from vsnbench.report.figures.style import FORMATS, PAGE_FORMATS, column_of
 
+        chosen, formats = split_list(figure), PAGE_FORMATS if output is None else FORMATS
         with column_of(column_in):
-            report, drawn = build_and_draw(place.database_url, selection, place.path, reference=with_paper)
-        drawn = named(drawn, split_list(figure), "--figure")
+            report, drawn = build_and_draw(
+                place.database_url, selection, place.path, reference=with_paper, only=chosen, formats=formats
+            )
+        drawn = named(drawn, chosen, "--figure")
         if output is not None:
             _write(report, drawn, output, split_list(table), column_in, as_json=as_json)
         if serve:

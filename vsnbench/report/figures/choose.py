@@ -2,11 +2,12 @@
 
 import gc
 import multiprocessing
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from vsnbench.errors import VsnbenchError
@@ -24,7 +25,7 @@ from vsnbench.report.figures.failure_map import failure_maps
 from vsnbench.report.figures.plans import success_maps, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.stages import stage_bars
-from vsnbench.report.figures.style import Drawing
+from vsnbench.report.figures.style import FORMATS, Drawing
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.runtime.child_process import end_with_parent
 from vsnbench.sites.site import Site
@@ -64,17 +65,32 @@ def _in_order(drawn: Iterable[Drawing]) -> list[Drawing]:
 
 
 def build_and_draw(
-    url: str, selection: Selection, results_directory: Path | None = None, *, reference: bool = False
+    url: str,
+    selection: Selection,
+    results_directory: Path | None = None,
+    *,
+    reference: bool = False,
+    only: Sequence[str] = (),
+    formats: Sequence[str] = FORMATS,
 ) -> tuple[Report, list[Drawing]]:
-    """Build a report and draw its figures in every format, with a second process.
+    """Build a report and draw its figures, with a second process.
 
-    The worker process counts actions while this one draws charts, then both draw floor plans.
+    The worker process counts actions while this one draws charts, then both draw floor plans. Saving takes longest.
+
+    Args:
+        url: database URL of the record.
+        selection: what of the record is reported.
+        results_directory: where the record's files are.
+        reference: include the published results.
+        only: names of the figures to save; without any, all. The others have no content.
+        formats: in which they are saved.
 
     Raises:
         RecordError: no record exists, it is empty or it cannot be read.
         UsageError: nothing in the record matches the selection.
         VsnbenchError: the second process was killed.
     """
+    save = partial(_saved, only=only, formats=formats)
     can_fork = "fork" in multiprocessing.get_all_start_methods()
     with _few_collections(), _worker(can_fork=can_fork) as worker:
         plans: list[_Plan] = []
@@ -86,14 +102,18 @@ def build_and_draw(
             if can_fork:  # otherwise the worker is a thread, and matplotlib is not thread-safe
                 places = range(len(plans))
                 in_worker = (*places[:WORKER_TRAJECTORIES], *places[WORKER_TRAJECTORIES + 1 :: 2])
-                waiting.update({place: worker.submit(plans[place].finished) for place in in_worker})
-            drawn.extend(chart.finish() for chart in _charts(uncounted))
+                waiting.update({place: worker.submit(plans[place].finished, save) for place in in_worker})
+            drawn.extend(save(chart) for chart in _charts(uncounted))
 
         report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, executor=worker)
-        drawn += [histogram.finish() for histogram in _histograms(report)]
-        here = {place: plan.finished() for place, plan in enumerate(plans) if place not in waiting}
+        drawn += [save(histogram) for histogram in _histograms(report)]
+        here = {place: plan.finished(save) for place, plan in enumerate(plans) if place not in waiting}
         trajectories = [waiting[place].result() if place in waiting else here[place] for place in range(len(plans))]
     return report, _in_order([*drawn, *(drawing for drawing in trajectories if drawing)])
+
+
+def _saved(drawing: Drawing, only: Sequence[str], formats: Sequence[str]) -> Drawing:
+    return drawing.finish(formats if not only or drawing.name in only else ())
 
 
 @contextmanager
@@ -163,10 +183,10 @@ class _Plan:
         """Draw the figure; None without tracks."""
         return trajectory_plan(self.site, self.summary, self.tracks, self.left_out)
 
-    def finished(self) -> Drawing | None:
-        """Draw the figure and save it in every format."""
+    def finished(self, save: Callable[[Drawing], Drawing]) -> Drawing | None:
+        """Draw and save the figure; None without tracks."""
         drawing = self.drawing()
-        return drawing.finish() if drawing else None
+        return save(drawing) if drawing else None
 
 
 def _plans(report: Report, url: str) -> Iterator[_Plan]:

@@ -59,6 +59,12 @@ def column_of(width_in: float | None) -> Iterator[None]:
         _COLUMN_IN.reset(before)
 
 
+PAGE_FORMATS = ("svg",)
+"""Formats that a page of a report shows."""
+FORMATS = (*PAGE_FORMATS, "pdf", "png")
+"""Formats of the files of a report."""
+
+
 def enlargement() -> float:
     """Return the factor by which figures are enlarged after they were laid out with text of `TEXT_PT`."""
     return 1.0 if _COLUMN_IN.get() is None else PAPER_TEXT_PT / TEXT_PT
@@ -112,9 +118,9 @@ class Drawing:
         object.__setattr__(self, "height_in", self._factor * float(height_in))
         object.__setattr__(self, "is_wide", float(width_in) > 1.2 * column_in())
 
-    def finish(self) -> Self:
-        """Save the figure in every format and drop it, so that the drawing can be sent to another process."""
-        for form in ("svg", "pdf", "png"):
+    def finish(self, formats: Sequence[str] = FORMATS) -> Self:
+        """Save the figure in some formats and drop it, so that the drawing can be sent to another process."""
+        for form in formats:
             self._saved(form)
         object.__setattr__(self, "figure", None)
         return self

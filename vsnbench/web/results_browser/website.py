@@ -17,6 +17,7 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.failures import failure_kinds
 from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
+from vsnbench.report.figures.style import PAGE_FORMATS
 from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
 from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
@@ -114,7 +115,7 @@ def write_website(
         UsageError: the directory has other content, or nothing matches the selection.
         RecordError: the record cannot be read, or a file cannot be written.
     """
-    report, drawings = build_and_draw(results.database_url, selection, results.path)
+    report, drawings = build_and_draw(results.database_url, selection, results.path, formats=PAGE_FORMATS)
     _clear(directory)
     page = html_page(report, report.tables(long=True), drawings, episodes_page=EPISODES_PAGE)
     write_atomic(directory / "index.html", page.encode())
