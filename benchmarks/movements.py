@@ -58,6 +58,8 @@ _WAVE_M, _AMPLITUDE_M = 2.4, 0.3
 """Of `late`: time from image to effect, answers, and the curve that is meant."""
 _ANSWER_S, _CHANGES_ITS_MIND, _LONGEST_APPROACH_S = 0.3, 0.1, 15.0
 """Of `guard --continuous`: time between two answers, probability that one goes elsewhere, and longest approach."""
+_LIVE_CAMERA = 160, 120
+"""Size of the images of `guard --continuous` over ROS: two cores cannot draw and send larger ones at the full rate."""
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
 """Length of movements in `accuracy`, relative to simulation; shorter over ROS, which runs in real time."""
 KINDS = ("move", "waypoint", "trajectory")
@@ -177,7 +179,8 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
         chance, began_s = random.Random(f"7 {speed_m_s}"), time.monotonic()
         speeds = profile.speeds.model_copy(update={"linear_m_s": speed_m_s})
         base = profile.base.model_copy(update={"max_linear_m_s": max(speed_m_s, profile.base.max_linear_m_s)})
-        fast = profile.model_copy(update={"speeds": speeds, "base": base})
+        camera = profile.camera.resized(*_LIVE_CAMERA) if continuous and where != "simulation" else profile.camera
+        fast = profile.model_copy(update={"speeds": speeds, "base": base, "camera": camera})
         ends = Counter[str]()
         with opened(where, site, fast, continuous=continuous) as robot:
             for number in range(movements):
@@ -215,8 +218,9 @@ def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathG
         if result.blocked or result.collision or result.failure:
             rest = robot.come_to_rest()
             collision = result.collision or rest.collision
-            if collision:
-                print(f"touched {collision.touched}: {robot.locate().pose} {movements[0]}")
+            if collision or not result.blocked:
+                what = f"touched {collision.touched}" if collision else result.failure
+                print(f"{what}: {robot.locate().pose} {movements[0]}", flush=True)
             return "touched" if collision else "blocked" if result.blocked else result.failure
     robot.come_to_rest()
     return "done"

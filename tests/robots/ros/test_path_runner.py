@@ -334,6 +334,21 @@ def test_lost_odometry_ends_the_motion_at_rest(rig: Rig, fault: str, says: str, 
     rig.run(script)
 
 
+def test_a_network_that_is_cut_is_named_and_not_one_of_the_drivers(rig: Rig) -> None:
+    def script(rig: Rig) -> Iterator[float]:
+        rig.observe()
+        rig.follow(AHEAD)
+        yield 2.0
+        rig.so_far()
+        rig.sees = rig.feels = False
+        yield 1.2
+        lost = rig.so_far()
+        assert lost.sensor_lost
+        assert "the robot is silent" in lost.failure
+
+    rig.run(script)
+
+
 def test_a_halt_from_another_thread_stops_at_once_and_for_good(rig: Rig) -> None:
     def script(rig: Rig) -> Iterator[float]:
         rig.observe()
