@@ -198,7 +198,7 @@ def silent_robot(names: RosInterface, now: RobotSnapshot, now_s: float) -> Senso
         return None
     return SensorLostError(
         f"the robot is silent: nothing on {', '.join((names.odometry_topic, *received))} for {silent_s:.1f} s",
-        advice="check that it is on, and the network to it",
+        advice="check that it is on, the network to it, and the load of this machine",
         code="silent-robot",
     )
 
