@@ -235,14 +235,15 @@ def late(where: str, drives: int) -> None:
     with opened(where, HALL, load_profile(ROBOTS[where]), continuous=True) as robot:
         for number in range(drives):
             robot.begin(HALL.starts[0], number)
-            start, off_m, ages_s = robot.locate().pose, list[float](), list[float]()
+            start, off_m, ages_s, ended = robot.locate().pose, list[float](), list[float](), ""
             for _ in range(_LATE_ANSWERS):
                 seen = robot.observe()
                 here = seen.pose
                 points = (Pose(*wave(here.x_m + 0.05 * k)).relative_to(here).position for k in range(1, 31))
                 answer = Trajectory(tuple(points))
                 for part in range(1, 6):
-                    robot.advance(seen.stamp_s + _LATE_S * part / 5, lambda _view: "")
+                    result = robot.advance(seen.stamp_s + _LATE_S * part / 5, lambda _view: "")
+                    ended = ended or result.failure or result.blocked
                     at = robot.locate().pose.relative_to(start).position
                     off_m.append(min(math.dist(at, wave(at[0] + 0.005 * k)) for k in range(-80, 81)))
                 ages_s.append((robot.now_s() or seen.stamp_s + _LATE_S) - seen.stamp_s)
@@ -251,7 +252,8 @@ def late(where: str, drives: int) -> None:
             robot.come_to_rest()
             print(
                 f"{where}: answers {min(ages_s):.2f} to {max(ages_s):.2f} s old, {driven_m:.2f} m from the start; "
-                f"at most {max(off_m) * 1000:.0f} mm from the curve, mean {np.mean(off_m) * 1000:.0f} mm",
+                f"at most {max(off_m) * 1000:.0f} mm from the curve, mean {np.mean(off_m) * 1000:.0f} mm"
+                f"{f'; ended: {ended}' if ended else ''}",
                 flush=True,
             )
 
