@@ -59,7 +59,7 @@ _WAVE_M, _AMPLITUDE_M = 2.4, 0.3
 _ANSWER_S, _CHANGES_ITS_MIND, _LONGEST_APPROACH_S = 0.3, 0.1, 15.0
 """Of `guard --continuous`: time between two answers, probability that one goes elsewhere, and longest approach."""
 _LIVE_CAMERA = 160, 120
-"""Size of the images of `guard --continuous` over ROS: two cores cannot draw and send larger ones at the full rate."""
+"""Size of the images over ROS of a robot that drives on: two cores cannot draw and send larger ones at full rate."""
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
 """Length of movements in `accuracy`, relative to simulation; shorter over ROS, which runs in real time."""
 KINDS = ("move", "waypoint", "trajectory")
@@ -172,15 +172,14 @@ def accuracy(where: str, movements: int, kinds: tuple[str, ...]) -> None:
 def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuous: bool = False) -> None:
     """Print the end reasons of movements from random poses of the apartment, by speed."""
     site, parameters = load_site("apartment"), ProtocolParameters()
-    profile = load_profile(ROBOTS[where])
+    profile = driving_on(where) if continuous else load_profile(ROBOTS[where])
     space = free_space(site, profile.base.radius_m)
     free = np.argwhere(space.clearance_m >= CLEARANCE_M)
     for speed_m_s in speeds_m_s:
         chance, began_s = random.Random(f"7 {speed_m_s}"), time.monotonic()
         speeds = profile.speeds.model_copy(update={"linear_m_s": speed_m_s})
         base = profile.base.model_copy(update={"max_linear_m_s": max(speed_m_s, profile.base.max_linear_m_s)})
-        camera = profile.camera.resized(*_LIVE_CAMERA) if continuous and where != "simulation" else profile.camera
-        fast = profile.model_copy(update={"speeds": speeds, "base": base, "camera": camera})
+        fast = profile.model_copy(update={"speeds": speeds, "base": base})
         ends = Counter[str]()
         with opened(where, site, fast, continuous=continuous) as robot:
             for number in range(movements):
@@ -202,6 +201,14 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
                 ends[end] += 1
         took = f"{time.monotonic() - began_s:.0f} s"
         print(f"{speed_m_s} m/s: {movements} movements in {took}, {ends['touched']} touched; {dict(ends)}", flush=True)
+
+
+def driving_on(where: str) -> RobotProfile:
+    """Return the profile of a robot that drives on."""
+    profile = load_profile(ROBOTS[where])
+    if where == "simulation":
+        return profile
+    return profile.model_copy(update={"camera": profile.camera.resized(*_LIVE_CAMERA)})
 
 
 def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathGuard) -> str:
@@ -232,7 +239,7 @@ def late(where: str, drives: int) -> None:
     def wave(x_m: float) -> tuple[float, float]:
         return x_m, _AMPLITUDE_M * (1 - math.cos(math.tau * x_m / _WAVE_M))
 
-    with opened(where, HALL, load_profile(ROBOTS[where]), continuous=True) as robot:
+    with opened(where, HALL, driving_on(where), continuous=True) as robot:
         for number in range(drives):
             robot.begin(HALL.starts[0], number)
             start, off_m, ages_s, ended = robot.locate().pose, list[float](), list[float](), ""
