@@ -58,6 +58,8 @@ _WAVE_M, _AMPLITUDE_M = 2.4, 0.3
 """Of `late`: time from image to effect, answers, and the curve that is meant."""
 _ANSWER_S, _CHANGES_ITS_MIND, _LONGEST_APPROACH_S = 0.3, 0.1, 15.0
 """Of `guard --continuous`: time between two answers, probability that one goes elsewhere, and longest approach."""
+_LIVE_CAMERA = 160, 120
+"""Size of the images over ROS of a robot that drives on: two cores cannot draw and send larger ones at full rate."""
 REACH = {"simulation": 1.0, "ros1": 0.25, "ros2": 0.25}
 """Length of movements in `accuracy`, relative to simulation; shorter over ROS, which runs in real time."""
 KINDS = ("move", "waypoint", "trajectory")
@@ -170,7 +172,7 @@ def accuracy(where: str, movements: int, kinds: tuple[str, ...]) -> None:
 def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuous: bool = False) -> None:
     """Print the end reasons of movements from random poses of the apartment, by speed."""
     site, parameters = load_site("apartment"), ProtocolParameters()
-    profile = load_profile(ROBOTS[where])
+    profile = driving_on(where) if continuous else load_profile(ROBOTS[where])
     space = free_space(site, profile.base.radius_m)
     free = np.argwhere(space.clearance_m >= CLEARANCE_M)
     for speed_m_s in speeds_m_s:
@@ -201,6 +203,14 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
         print(f"{speed_m_s} m/s: {movements} movements in {took}, {ends['touched']} touched; {dict(ends)}", flush=True)
 
 
+def driving_on(where: str) -> RobotProfile:
+    """Return the profile of a robot that drives on."""
+    profile = load_profile(ROBOTS[where])
+    if where == "simulation":
+        return profile
+    return profile.model_copy(update={"camera": profile.camera.resized(*_LIVE_CAMERA)})
+
+
 def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathGuard) -> str:
     """Replace the path every 0.3 s by another one from the robot's pose 0.3 s before; return how it ended."""
     first = robot.observe()
@@ -215,8 +225,9 @@ def drive_on(robot: Robot, speed_m_s: float, chance: random.Random, check: PathG
         if result.blocked or result.collision or result.failure:
             rest = robot.come_to_rest()
             collision = result.collision or rest.collision
-            if collision:
-                print(f"touched {collision.touched}: {robot.locate().pose} {movements[0]}")
+            if collision or not result.blocked:
+                what = f"touched {collision.touched}" if collision else result.failure
+                print(f"{what}: {robot.locate().pose} {movements[0]}", flush=True)
             return "touched" if collision else "blocked" if result.blocked else result.failure
     robot.come_to_rest()
     return "done"
@@ -228,17 +239,18 @@ def late(where: str, drives: int) -> None:
     def wave(x_m: float) -> tuple[float, float]:
         return x_m, _AMPLITUDE_M * (1 - math.cos(math.tau * x_m / _WAVE_M))
 
-    with opened(where, HALL, load_profile(ROBOTS[where]), continuous=True) as robot:
+    with opened(where, HALL, driving_on(where), continuous=True) as robot:
         for number in range(drives):
             robot.begin(HALL.starts[0], number)
-            start, off_m, ages_s = robot.locate().pose, list[float](), list[float]()
+            start, off_m, ages_s, ended = robot.locate().pose, list[float](), list[float](), ""
             for _ in range(_LATE_ANSWERS):
                 seen = robot.observe()
                 here = seen.pose
                 points = (Pose(*wave(here.x_m + 0.05 * k)).relative_to(here).position for k in range(1, 31))
                 answer = Trajectory(tuple(points))
                 for part in range(1, 6):
-                    robot.advance(seen.stamp_s + _LATE_S * part / 5, lambda _view: "")
+                    result = robot.advance(seen.stamp_s + _LATE_S * part / 5, lambda _view: "")
+                    ended = ended or result.failure or result.blocked
                     at = robot.locate().pose.relative_to(start).position
                     off_m.append(min(math.dist(at, wave(at[0] + 0.005 * k)) for k in range(-80, 81)))
                 ages_s.append((robot.now_s() or seen.stamp_s + _LATE_S) - seen.stamp_s)
@@ -247,7 +259,8 @@ def late(where: str, drives: int) -> None:
             robot.come_to_rest()
             print(
                 f"{where}: answers {min(ages_s):.2f} to {max(ages_s):.2f} s old, {driven_m:.2f} m from the start; "
-                f"at most {max(off_m) * 1000:.0f} mm from the curve, mean {np.mean(off_m) * 1000:.0f} mm",
+                f"at most {max(off_m) * 1000:.0f} mm from the curve, mean {np.mean(off_m) * 1000:.0f} mm"
+                f"{f'; ended: {ended}' if ended else ''}",
                 flush=True,
             )
 

@@ -18,7 +18,14 @@ A busy machine may delay any process by a second, so the limits of the rules the
 """
 _ATTEMPTS = 4
 _OVERLOADED = (
-    *("its machine is overloaded", "no odometry", "no depth image", "has disconnected", "has not steered"),
+    *(
+        "its machine is overloaded",
+        "no odometry",
+        "the robot is silent",
+        "no depth image",
+        "has disconnected",
+        "has not steered",
+    ),
     "(handshake)",  # the fault came before the movement had begun
 )
 """Reasons for which a busy machine ends a movement, rightly: a run repeats the trial, and a test the movement."""

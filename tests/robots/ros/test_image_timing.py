@@ -42,6 +42,7 @@ def reports(
     [
         (RobotSnapshot(), "no-image", "for 3 s"),
         (reports(since_s=2.0), "no-image", "for 2 s"),
+        (replace(reports(since_s=2.0), readings=()), "silent-robot", "nothing on /odom"),
         (
             reports(rate_hz=1.0, since_s=0.9),
             "slow-camera",
@@ -53,7 +54,7 @@ def reports(
         (reports(age_s=-10.0), "images-ahead", "10.0 s ahead of the odometry"),
         (reports(depth_age_s=0.5), "no-matching-images", "colour within 0.1 s of depth"),
     ],
-    ids=["never", "silent", "slow", "slow and late", "late", "another clock", "ahead", "no pairs"],
+    ids=["never", "silent", "robot silent", "slow", "slow and late", "late", "another clock", "ahead", "no pairs"],
 )
 def test_missing_images_have_a_true_reason(now: RobotSnapshot, code: str, says: str) -> None:
     lost = missing_images(NAMES, now, NOW_S)

@@ -17,6 +17,7 @@ from tests.robots.ros.test_leaning_camera import profile_of
 from tests.sensing.stand import Stand
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.contract import DrivingView
 from vsnbench.robots.ros import movement_runner, path_looks, path_runner
 from vsnbench.robots.ros.camera import RosCamera
 from vsnbench.robots.ros.movement_runner import MovementRunner
@@ -270,6 +271,29 @@ def test_new_paths_towards_a_wall_never_touch_it(
     assert min(nearest_m) > 0.05
 
 
+def test_a_first_check_that_loads_its_code_for_long_does_not_silence_the_workstation(rig: Rig) -> None:
+    checks: list[float] = []
+
+    def slow(_view: DrivingView) -> str:
+        if not checks:
+            rig._base_sleep(rig.now_s + 2.0)  # nothing else of the process runs
+        checks.append(rig.now_s)
+        return ""
+
+    rig.looks.check = slow
+
+    def script(rig: Rig) -> Iterator[float]:
+        rig.observe()
+        yield 0.3
+        rig.follow(AHEAD)
+        yield 2.0
+        assert rig.speed_m_s > 0.1
+        assert not rig.so_far().failure
+        assert len(checks) > 5
+
+    rig.run(script)
+
+
 def test_a_silent_camera_stops_the_robot_and_then_ends_the_motion(rig: Rig) -> None:
     def script(rig: Rig) -> Iterator[float]:
         rig.observe()
@@ -306,6 +330,21 @@ def test_lost_odometry_ends_the_motion_at_rest(rig: Rig, fault: str, says: str, 
         rig.follow(AHEAD)
         yield 0.5
         assert rig.speed_m_s == 0.0, "nothing is driven after a failure"
+
+    rig.run(script)
+
+
+def test_a_network_that_is_cut_is_named_and_not_one_of_the_drivers(rig: Rig) -> None:
+    def script(rig: Rig) -> Iterator[float]:
+        rig.observe()
+        rig.follow(AHEAD)
+        yield 2.0
+        rig.so_far()
+        rig.sees = rig.feels = False
+        yield 1.2
+        lost = rig.so_far()
+        assert lost.sensor_lost
+        assert "the robot is silent" in lost.failure
 
     rig.run(script)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.processes import PATIENCE_S, Conversation, Process, ProcessGroup, wait_until
+from tests.two_machines import ROBOT_ADDRESS, WORKSTATION_ADDRESS, TwoMachines
 from vsnbench.ros.ros1.master import Master, MasterError
 
 ROSMASTER = shutil.which("rosmaster", path=f"{sys.prefix}/bin:/usr/bin") or "rosmaster: run scripts/install_ros.sh"
@@ -28,14 +29,22 @@ def free_port() -> int:
 
 @dataclass
 class RosNetwork(ProcessGroup):
-    """A ROS network on the loopback interface: a master on a free port, and its nodes."""
+    """A ROS network: a master on a free port, and its nodes.
+
+    It is on the loopback interface, or on the robot's of two machines.
+    """
 
     port: int = field(default_factory=free_port)
     roscore: Process | None = None
+    machines: TwoMachines | None = None
+
+    @property
+    def host(self) -> str:
+        return "127.0.0.1" if self.machines is None else ROBOT_ADDRESS
 
     @property
     def uri(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+        return f"http://{self.host}:{self.port}"
 
     @property
     def master(self) -> Master:
@@ -46,7 +55,7 @@ class RosNetwork(ProcessGroup):
         return {
             **os.environ,
             "ROS_MASTER_URI": self.uri,
-            "ROS_IP": "127.0.0.1",
+            "ROS_IP": self.host,
             "ROS_HOME": str(self.directory),
             "ROS_LOG_DIR": str(self.directory / "log"),
             "PYTHONPATH": os.pathsep.join([str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")]),
@@ -59,6 +68,13 @@ class RosNetwork(ProcessGroup):
         if python:
             words = [sys.executable, *words] if words[0] == "-m" else [*PYTHON_OF_ROS1, *words]
         return self.launch(words, environment)
+
+    def run(self, *words: str | Path) -> Process:
+        """Start `vsnbench run` on the workstation, which may be this machine."""
+        command = [sys.executable, "-m", "vsnbench.cli.main", "run", *map(str, words)]
+        if self.machines is None:
+            return self.launch(command, {})
+        return self.launch([*self.machines.on_workstation, *command], {"ROS_IP": WORKSTATION_ADDRESS})
 
     def start_master(self) -> Process:
         self.roscore = self.start(ROSMASTER, "--core", "-p", str(self.port))
@@ -131,9 +147,9 @@ class Probe:
 
 
 @contextmanager
-def live_network(directory: Path) -> Iterator[RosNetwork]:
+def live_network(directory: Path, machines: TwoMachines | None = None) -> Iterator[RosNetwork]:
     """Yield a ROS network with a running master; afterwards end its nodes and print their output."""
-    ros = RosNetwork(directory)
+    ros = RosNetwork(directory, machines=machines)
     try:
         ros.start_master()
         yield ros

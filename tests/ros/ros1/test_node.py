@@ -1,11 +1,12 @@
 """The last command of a node is sent before the node ends."""
 
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.ros.ros1.network import HERE, RosNetwork, wait_until
+from tests.ros.ros1.network import HERE, PYTHON_OF_ROS1, RosNetwork, live_network, wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -55,3 +56,30 @@ def test_the_end_of_a_connection_that_the_process_closed_is_no_error(network: Ro
     assert "another error" in leaving.output
     assert "that the shutdown closed" not in leaving.output
     assert "that unregistered" not in leaving.output
+
+
+LEAVES = """
+import sys
+
+from vsnbench.ros.ros1.node import leave_network, start_node
+
+start_node("leaving", [])
+sys.stdout.write("up")
+sys.stdout.flush()
+sys.stdin.readline()
+leave_network()
+"""
+
+
+def test_a_node_ends_although_its_master_does_not_answer(tmp_path: Path) -> None:
+    """As when the network is cut: rospy would wait for as long as TCP tries."""
+    (tmp_path / "leaving.py").write_text(LEAVES)
+    with live_network(tmp_path) as network:
+        assert network.roscore is not None
+        leaving = network.launch([*PYTHON_OF_ROS1, str(tmp_path / "leaving.py")], {}, subprocess.PIPE)
+        wait_until(lambda: "up" in leaving.output, "the node is up")
+        network.roscore.signal(signal.SIGSTOP)
+        assert leaving.popen.stdin is not None
+        leaving.popen.stdin.write(b"\n")
+        leaving.popen.stdin.flush()
+        assert leaving.wait() == 0

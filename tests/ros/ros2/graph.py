@@ -20,6 +20,7 @@ import pytest
 
 from tests.processes import Process, ProcessGroup, wait_until
 from tests.robots.client import Client
+from tests.two_machines import TwoMachines
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.watchdog import WatchdogMeasurement, store_measurement
 
@@ -67,10 +68,14 @@ class Graph2(ProcessGroup):
     wait for up to 2 s. A robot and its workstation are two machines, without shared memory between them, so a graph of
     tests uses the network interface.
     """
+    machines: TwoMachines | None = None
+    """The robot's machine, on which processes start, and the workstation; None for one machine."""
 
     @property
     def environment(self) -> dict[str, str]:
-        if self.shares_memory or os.environ.get("RMW_IMPLEMENTATION", _FAST_DDS) != _FAST_DDS:
+        if self.machines is not None:
+            reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        elif self.shares_memory or os.environ.get("RMW_IMPLEMENTATION", _FAST_DDS) != _FAST_DDS:
             reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         else:
             settings = str(HERE / "loopback.xml")
@@ -97,6 +102,12 @@ class Graph2(ProcessGroup):
     def start(self, *words: str | Path, **environment: str) -> Process:
         """Start a Python file or module in this graph, with an open stdin."""
         return self.launch([sys.executable, *map(str, words)], environment, subprocess.PIPE)
+
+    def run(self, *words: str | Path, **environment: str) -> Process:
+        """Start `vsnbench run` on the workstation, which may be this machine."""
+        command = [sys.executable, "-m", "vsnbench.cli.main", "run", *map(str, words)]
+        inside = () if self.machines is None else self.machines.on_workstation
+        return self.launch([*inside, *command], environment)
 
     def vsnbench(self, *words: str | Path, **environment: str) -> Process:
         return self.start("-m", "vsnbench.cli.main", *words, **environment)
@@ -174,8 +185,10 @@ def measured_watchdog() -> Path:
 
 
 @contextmanager
-def live_graph(directory: Path, *, shares_memory: bool = False) -> Iterator[Graph2]:
-    graph = Graph2(directory, shares_memory=shares_memory)
+def live_graph(
+    directory: Path, *, shares_memory: bool = False, machines: TwoMachines | None = None
+) -> Iterator[Graph2]:
+    graph = Graph2(directory, shares_memory=shares_memory, machines=machines)
     try:
         yield graph
     finally:

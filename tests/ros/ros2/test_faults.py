@@ -147,7 +147,7 @@ def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
     assert stood_s < STOPS_WITHIN_S
     says = "the control loop paused" if rig.node is None else "the caller has disconnected"
     # DDS can deliver nothing to a resumed process for two seconds.
-    assert says in result["failure"] or "no odometry" in result["failure"]
+    assert any(words in result["failure"] for words in (says, "no odometry", "the robot is silent"))
 
 
 @pytest.mark.parametrize("shared_rig", ["next to the base"], indirect=True)  # only this rig has a server to kill

@@ -23,6 +23,8 @@ guard accepts one before a movement forward begins."""
 _TIMEOUT_S = 3.0
 _SILENT_S = 1.0
 """Time without an image after which a camera is silent, or three of its periods if it is slow."""
+_LOST_S = 0.7
+"""A robot that sends neither odometry nor images for this long is silent as a whole; less than a base's time-out."""
 _LONGEST_DELAY_S = 10.0
 """Images that are older on arrival have a wrong stamp, because no driver or network queues images for this long."""
 
@@ -177,9 +179,27 @@ def silent_camera(names: RosInterface, now: RobotSnapshot, now_s: float) -> Sens
     silent = [topic for topic, images in received.items() if _is_silent(images, now_s)]
     if not silent:
         return None
+    if lost := silent_robot(names, now, now_s):
+        return lost
     since_s = min(now_s - received[topic][-1].arrival_s if received[topic] else waited_s for topic in silent)
     return SensorLostError(
         f"no image on {' and '.join(silent)} for {since_s:.0f} s", advice="check the camera driver", code="no-image"
+    )
+
+
+def silent_robot(names: RosInterface, now: RobotSnapshot, now_s: float) -> SensorLostError | None:
+    """Return that neither odometry nor images arrive any more, or None: the network is cut, or the robot is off."""
+    received = _received(names, now)
+    arrivals_s = [images[-1].arrival_s for images in received.values() if images]
+    if now.latest is not None:
+        arrivals_s.append(now.latest.arrival_s)
+    silent_s = now_s - max(arrivals_s, default=now_s)
+    if silent_s < _LOST_S:
+        return None
+    return SensorLostError(
+        f"the robot is silent: nothing on {', '.join((names.odometry_topic, *received))} for {silent_s:.1f} s",
+        advice="check that it is on, the network to it, and the load of this machine",
+        code="silent-robot",
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import NoAnswerError, RobotError, SensorLostError
+from vsnbench.robots.ros.image_timing import silent_robot
 from vsnbench.robots.ros.path_looks import PathLooks
 from vsnbench.robots.ros.start import present
 from vsnbench.ros.common.robot_link import RobotLink
@@ -247,7 +248,8 @@ class MovementRunner:
         if now.odometry_fault:
             raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)
         if (silent_s := min(now.odometry_age_s(now_s), now_s - self._listening_since_s)) > _ODOMETRY_TIMEOUT_S:
-            raise MovementAlarmError(str(_no_odometry(names.odometry_topic, silent_s)), sensor_lost=True)
+            lost = silent_robot(names, now, now_s) or _no_odometry(names.odometry_topic, silent_s)
+            raise MovementAlarmError(str(lost), sensor_lost=True)
 
     def collision(self) -> Collision | None:
         """Return the contact that the base has reported since the episode began, or None."""
@@ -268,8 +270,11 @@ class MovementRunner:
         except RobotError as error:
             logger.warning("discrete_move does not stop: %s", error)
         if not self._link.wait_for(self._undriven_at_rest, _STANDSTILL_TIMEOUT_S):
-            driver = self._link.snapshot().driven_by
-            logger.warning("%s still drives: the base is held at zero velocity; end that node", driver)
+            now = self._link.snapshot()
+            if now.odometry_age_s(time.monotonic()) > _ODOMETRY_TIMEOUT_S:
+                logger.warning("without odometry it is not known whether the base is at rest: look at it")
+            else:
+                logger.warning("%s still drives: the base is held at zero velocity; end that node", now.driven_by)
         self._link.stand_still()
 
     def _undriven_at_rest(self, now: RobotSnapshot) -> bool:

@@ -42,17 +42,23 @@ class PathLooks:
     def require_sight(self, link: RobotLink) -> None:
         """Wait for a depth image that was captured just now, before a movement forward begins.
 
-        The check runs once while the robot is at rest: loading its compiled code takes longer than a look may take.
-
         Raises:
             MovementAlarmError: no depth image is new.
         """
-        if depths := link.snapshot().depths:
-            self.check(DrivingView(*self._depth_of(depths[-1]), 0.0, 0.0, 0.0, math.inf))
+        self.load(link.snapshot())
         if not link.wait_for(_sees_now, _SIGHT_TIMEOUT_S):
             now = link.snapshot()
             since = f" captured in the last {captured_ago_s(now.depths[-1], now):.1f} s" if now.depths else ""
             raise MovementAlarmError(f"no depth image{since}", blocked=True)
+
+    def load(self, now: RobotSnapshot) -> None:
+        """Run the check once while the robot is at rest: loading its compiled code takes longer than a look may take.
+
+        Raises:
+            MovementAlarmError: the newest depth image cannot be read.
+        """
+        if now.depths:
+            self.check(DrivingView(*self._depth_of(now.depths[-1]), 0.0, 0.0, 0.0, math.inf))
 
     def look_from_rest(self, now: RobotSnapshot, since_s: float, remaining_m: float) -> bool:
         """Check an image of a robot at rest that is to leave its position; return whether there is one already.

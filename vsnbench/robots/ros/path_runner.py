@@ -10,6 +10,7 @@ import math
 import threading
 import time
 import uuid
+from contextlib import suppress
 from dataclasses import replace
 
 from vsnbench.robots.ros.image_timing import odometry_time_s, silent_camera
@@ -108,6 +109,9 @@ class PathRunner:
             until_s: the time.
             looks: checks the way ahead from now on; None without a guard.
         """
+        if looks is not None and looks is not self._looks and self._order is None:
+            with suppress(MovementAlarmError):  # the first look says it
+                looks.load(self._link.snapshot())  # not in the thread that repeats the order
         self._looks = looks
         self._run()
         if self._next is not None and not self._over:

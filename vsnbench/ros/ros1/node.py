@@ -22,7 +22,11 @@ from vsnbench.ros.ros1.graph import server_of
 from vsnbench.ros.ros1.master import Master, MasterError, call_xmlrpc
 from vsnbench.runtime.signals import EndAsked
 
+logger = logging.getLogger(__name__)
+
 _WATCH_PERIOD_S = 3.0
+_LEAVING_S = 5.0
+"""Longest time to tell the master, and the nodes that this node is connected to, that it ends."""
 
 
 def start_node(name: str, ros_arguments: Sequence[str] = ()) -> Master:
@@ -71,6 +75,18 @@ def _process(uri: str) -> str:
         return f"process {call_xmlrpc(uri, 'getPid', '/vsnbench_probe')} at {uri}"
     except (OSError, LookupError):
         return uri
+
+
+def leave_network() -> None:
+    """End the node of this process, also without its master.
+
+    rospy tells the master without a limit of time: with a network that is cut, that takes as long as TCP tries.
+    """
+    leaving = threading.Thread(target=rospy.signal_shutdown, args=("closed",), name="leaving ROS", daemon=True)
+    leaving.start()
+    leaving.join(_LEAVING_S)
+    if leaving.is_alive():
+        logger.warning("the ROS master does not answer: it may list %s until it is restarted", rospy.get_name())
 
 
 def require_unserved(name: str, master: Master) -> None:
@@ -179,7 +195,7 @@ def run_node(
         while not ended.wait(1.0):
             watch.check()
     finally:
-        rospy.signal_shutdown("ended")
+        leave_network()
         task.close()
     if replaced.is_set():
         raise RobotError(

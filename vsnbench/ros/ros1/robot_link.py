@@ -24,7 +24,7 @@ from vsnbench.ros.ros1.messages import (
     PlaceRobotRequest,
     twist_message,
 )
-from vsnbench.ros.ros1.node import now_s, publish_while_open, start_node
+from vsnbench.ros.ros1.node import leave_network, now_s, publish_while_open, start_node
 from vsnbench.ros.ros1.readiness import Ros1Readiness
 from vsnbench.ros.ros1.service_call import ServiceClient
 from vsnbench.ros.ros1.service_words import words_of
@@ -77,7 +77,7 @@ class Ros1Link(RobotLink):
         )
 
     def _disconnect(self) -> None:
-        rospy.signal_shutdown("closed")
+        leave_network()
 
     @property
     def server(self) -> str:

@@ -12,7 +12,7 @@ from vsnbench.ros.common.odometry import OdometryReader, TakeAttitude, TakeOdome
 from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.ros.ros1.messages import MESSAGE_CLASSES, TFMessage
-from vsnbench.ros.ros1.node import start_node
+from vsnbench.ros.ros1.node import leave_network, start_node
 
 _TF_QUEUE = 100
 
@@ -77,7 +77,7 @@ class Ros1Listener(TopicListener):
 
     def close(self) -> None:
         """Leave the ROS network."""
-        rospy.signal_shutdown("closed")
+        leave_network()
 
     def _recorder(self, topic: str) -> Callable[[Any], None]:
         def record(message: Any) -> None:
