@@ -319,8 +319,8 @@ def test_a_pixel_becomes_a_waypoint_through_the_depth_of_its_image() -> None:
 
 
 def test_a_robot_does_not_turn_into_a_corner_that_was_never_in_its_view() -> None:
-    turn = Velocity(0.3, 0.5, 1.0)
-    corner = {"id": "corner", "category": "box", "position": [-1.66, 0.405], "size_m": [0.06, 0.06, 1.0]}
+    turn = Velocity(0.2, 0.5, 1.0)
+    corner = {"id": "corner", "category": "box", "position": [-1.8, 0.3], "size_m": [0.06, 0.06, 1.0]}
     site = Site.model_validate(LANE.content() | {"objects": [*LANE.content()["objects"], corner]})
     record, _ = ran(Answers(lambda n, _: Action.STOP if n == 12 else turn), 0.3, site=site)
     assert record.outcome is not None

@@ -40,10 +40,10 @@ class Surroundings:
 
     def distance_m(self, way: Sequence[Pose]) -> _Cells:
         """Return the distance of each cell from the nearest of some poses, which are relative to the pose."""
-        nearest_m: _Cells = np.full(self.occupied.shape, np.inf)
+        nearest_m2: _Cells = np.full(self.occupied.shape, np.inf)
         for pose in way:
-            np.minimum(nearest_m, np.hypot(self.ahead_m - pose.x_m, self.left_m - pose.y_m), out=nearest_m)
-        return nearest_m
+            np.minimum(nearest_m2, (self.ahead_m - pose.x_m) ** 2 + (self.left_m - pose.y_m) ** 2, out=nearest_m2)
+        return np.sqrt(nearest_m2)
 
     def approached(self, way: Sequence[Pose], within_m: float) -> npt.NDArray[np.bool_]:
         """Return the obstacles that come nearer than a distance along a way, and nearer than they are now."""

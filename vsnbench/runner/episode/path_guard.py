@@ -72,10 +72,11 @@ class PathGuard:
         """Return whether the robot meets what the local map has beside it, or turns to where no image has looked.
 
         A straight way is checked for known obstacles only: beside a narrow view there always is something unseen. Only
-        what a turn adds to the straight way must have been seen.
+        what a turn adds to the straight way must have been seen, for the guard's distance: where the robot stops early,
+        its next turn on the spot shows the corner.
         """
         stopping_m = min(self._stopping_m(view), view.remaining_m)
-        ahead_m = min(self._stopping_m(view) + self._margin_m, view.remaining_m)
+        ahead_m = min(max(self._stopping_m(view) + self._margin_m, self._guard.distance_m), view.remaining_m)
         curvature = view.angular_rad_s / view.linear_m_s
         radius_m, within_m = self._base.radius_m, self._base.radius_m + self._guard.margin_m
         cells = local_map.around(view.pose, within_m + ahead_m)
