@@ -37,6 +37,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.runner.episode.local_map import LocalMap
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.sites.site import Site, StartingPosition, load_site
 from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
@@ -187,7 +188,7 @@ def guard(where: str, movements: int, speeds_m_s: tuple[float, ...], *, continuo
                 position = (float(space.x_m[row, column]), float(space.y_m[row, column]))
                 heading_deg = chance.uniform(0, 360)
                 robot.begin(StartingPosition(number=1, position=position, heading_deg=heading_deg), number)
-                check = PathGuard(fast, parameters)
+                check = PathGuard(fast, parameters, LocalMap(fast, parameters.depth_guard) if continuous else None)
                 if continuous:
                     ends[drive_on(robot, speed_m_s, chance, check)] += 1
                     continue

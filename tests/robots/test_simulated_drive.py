@@ -117,7 +117,7 @@ def test_an_old_depth_image_stops_the_robot() -> None:
     assert depth_m is not None
 
     def view(age_s: float) -> DrivingView:
-        return DrivingView(depth_m, robot.profile.camera, age_s, 0.3, 0.0, 1.0)
+        return DrivingView(depth_m, robot.profile.camera, robot.locate().pose, 0.0, age_s, 0.3, 0.0, 1.0)
 
     assert guard(view(0.1)) == ""
     assert guard(view(MAX_AGE_S + 0.01)) != ""

@@ -23,17 +23,27 @@ from vsnbench.values.robot_identity import RobotIdentity
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivingView:
-    """What a robot sees and does while it drives."""
+    """What a robot sees and does while it drives, or before it leaves its position."""
 
     depth_m: npt.NDArray[np.float32]
     """(H, W) newest raw depth image, metres, NaN where invalid."""
     camera: Camera
+    pose: Pose
+    """Odometry at the capture of the image, relative to the start of the episode."""
+    stamp_s: float
+    """Time of the capture on the robot's clock."""
     age_s: float
-    """Time since the capture of the image."""
+    """Time since the capture."""
     linear_m_s: float
     angular_rad_s: float
+    """Both are 0 for a robot that is about to leave its position."""
     remaining_m: float
     """Distance that this leg of the movement still has to cover; infinity if unknown."""
+
+    @property
+    def turns_on_the_spot(self) -> bool:
+        """Whether the robot turns without leaving its position, which needs no free way."""
+        return not self.linear_m_s and bool(self.angular_rad_s)
 
 
 Watch = Callable[[DrivingView], str]

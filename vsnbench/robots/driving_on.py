@@ -142,11 +142,10 @@ class DrivingOn:
         driving = follower.command
         command = follower.step(here, now_s, stamp_s)
         is_due = now_s - self._looked_s >= LOOK_PERIOD_S - CONTROL_PERIOD_S / 2
-        if watch is not None and (
-            command.linear_m_s if not driving.linear_m_s else is_due
-        ):  # a robot at rest looks before it leaves its position
+        leaves = bool(command.linear_m_s) and not driving.linear_m_s
+        if watch is not None and (leaves or (is_due and (driving.linear_m_s or driving.angular_rad_s))):
             self._looked_s = now_s
-            if reason := watch(self._look(driving, follower.remaining_m)):
+            if reason := watch(self._look(STANDSTILL if leaves else driving, follower.remaining_m)):
                 self._blocked = reason
                 follower.stop()
                 command = STANDSTILL

@@ -272,7 +272,8 @@ class SimulatedRobot(Robot):
     def _driving_view(self, command: Command, remaining_m: float) -> DrivingView:
         """Return what the depth camera sees now; with noise, if the robot has noise."""
         depth_m, camera = self._camera.measure()
-        return DrivingView(depth_m, camera, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
+        pose, stamp_s = self._odometry.wrapped, self._physics.time_s
+        return DrivingView(depth_m, camera, pose, stamp_s, 0.0, command.linear_m_s, command.angular_rad_s, remaining_m)
 
     def locate(self) -> Fix:
         """Return the true pose of the base."""

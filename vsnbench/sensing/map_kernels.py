@@ -136,19 +136,25 @@ def weigh(
     floor: Any,
     crossed: Any,
     points: Any,
+    image: Any,
     evidence: Any,
     observed: Any,
+    newest: Any,
 ) -> None:
-    """Add the votes of one image to the evidence (float32, positive for an obstacle), limited to -2 and +5."""
+    """Add the votes of one image to the evidence (float32, positive for an obstacle), limited to -2 and +5.
+
+    `newest` (int32) becomes the number of the image where it votes.
+    """
     rows, columns = hits.shape
     for row in range(rows):
         for column in range(columns):
             if hits[row, column] >= points:
                 evidence[row, column] = min(max(evidence[row, column], np.float32(0.0)) + np.float32(1.0), 5.0)
-                observed[row, column] = True
             elif crossed[row, column] == 2 or (floor[row, column] > 0 and hits[row, column] == 0):
                 evidence[row, column] = max(evidence[row, column] - np.float32(0.5), -2.0)
-                observed[row, column] = True
             elif crossed[row, column] == 1 and not observed[row, column]:
                 evidence[row, column] = np.float32(-0.5)
-                observed[row, column] = True
+            else:
+                continue
+            observed[row, column] = True
+            newest[row, column] = image

@@ -57,6 +57,9 @@ class OccupancyMap:
         self._evidence = np.zeros((side, side), np.float32)
         self._observed = np.zeros((side, side), np.bool_)
         self._bumps = np.zeros((side, side), np.bool_)
+        self._newest = np.zeros((side, side), np.int32)
+        self.images = 0
+        """Number of images that were added."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -104,6 +107,23 @@ class OccupancyMap:
         rows, columns = self._evidence.shape
         return 0 <= cell.row < rows and 0 <= cell.column < columns
 
+    def window(self, low: MapCell, high: MapCell) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Return which cells of a rectangle, corners included, are obstacles, and which are known.
+
+        Cells outside the grid are neither.
+        """
+        shape = high.row - low.row + 1, high.column - low.column + 1
+        occupied, known = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        top, left = max(low.row, 0), max(low.column, 0)
+        bottom, right = min(high.row + 1, self.shape[0]), min(high.column + 1, self.shape[1])
+        if top < bottom and left < right:
+            there = slice(top, bottom), slice(left, right)
+            here = slice(top - low.row, bottom - low.row), slice(left - low.column, right - low.column)
+            bumps, observed = self._bumps[there], self._observed[there]
+            occupied[here] = (observed & (self._evidence[there] > 0)) | bumps
+            known[here] = observed | bumps
+        return occupied, known
+
     def observe(self, depth_m: npt.NDArray[np.float32], camera: Camera, pose: Pose) -> None:
         """Add a depth image to the map; invalid depth changes nothing.
 
@@ -115,6 +135,7 @@ class OccupancyMap:
         from vsnbench.sensing.map_kernels import carve, project, weigh
 
         settings = self._settings
+        self.images += 1
         if not np.isfinite(depth_m).any():
             return
         self._make_room(pose, settings.range_m * math.sqrt(2) + abs(camera.mount_forward_m))
@@ -145,8 +166,19 @@ class OccupancyMap:
         drop_m = max(camera.mount_height_m - settings.obstacle_bottom_m, 0.0)
         near_m = drop_m / math.tan(lowest_rad) if lowest_rad > 0 else math.inf
         carve(reach_m, rays.left, mount, where, grid, near_m, crossed)
-        weigh(hits, floor, crossed, settings.obstacle_points, self._evidence, self._observed)
+        points = settings.obstacle_points
+        weigh(hits, floor, crossed, points, self.images, self._evidence, self._observed, self._newest)
         self._clear_robot(pose)
+
+    def forget_before(self, image: int) -> None:
+        """Forget the cells that no image has shown since an earlier one.
+
+        Args:
+            image: number of the oldest image that counts; the first one is 1.
+        """
+        old = self._newest < image
+        self._evidence[old] = 0.0
+        self._observed[old] = False
 
     def mark_obstacle(self, x_m: float, y_m: float, robot: Pose) -> None:
         """Mark the point of a contact permanently, unless it is under the robot."""
@@ -161,6 +193,7 @@ class OccupancyMap:
         self._evidence[rows, columns] = np.float32(-1.0)
         self._observed[rows, columns] = True
         self._bumps[rows, columns] = False
+        self._newest[rows, columns] = self.images
 
     def _under(self, pose: Pose) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
         reach = math.ceil(self._settings.robot_radius_m / self.resolution_m)
@@ -191,6 +224,7 @@ class OccupancyMap:
         self._evidence = np.pad(self._evidence, widths)
         self._observed = np.pad(self._observed, widths)
         self._bumps = np.pad(self._bumps, widths)
+        self._newest = np.pad(self._newest, widths)
         self.origin_y_m -= before[0] * self.resolution_m
         self.origin_x_m -= before[1] * self.resolution_m
 

@@ -1,6 +1,7 @@
 """`vsnbench stress` from the command line, with trials in the apartment."""
 
 import json
+import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -89,3 +90,16 @@ def test_two_workers_give_the_same_numbers(stressed: tuple[Path, Done], tmp_path
     two = vsnbench(tmp_path, *STRESS, "--workers", "2")
     assert numbers(two) == numbers(stressed[1])
     assert outcomes(tmp_path) == outcomes(stressed[0])
+
+
+def test_trials_of_another_goal_in_the_record_are_neither_done_nor_in_the_result(
+    stressed: tuple[Path, Done], tmp_path: Path
+) -> None:
+    results = tmp_path / "results"
+    shutil.copytree(stressed[0], results)
+    other = ["sofa" if word == "chair" else word for word in STRESS]
+    done = vsnbench(results, *other, "--workers", "1")
+    assert done.returncode == 0, done.stderr
+    assert "2 campaigns, up to 4 trials: " in done.stderr
+    (model,) = json.loads(done.stdout)["models"]
+    assert [row["episodes"] for row in (model["undisturbed"], *model["disturbances"])] == [2, 2]

@@ -135,6 +135,21 @@ def test_a_path_that_the_guard_refuses_is_marked_as_an_obstacle_after_a_while() 
     assert [answer.diagnostics.path for answer in (before[-1], after[-1])].count(after[-1].diagnostics.path) == 1
 
 
+def test_where_the_guard_keeps_the_robot_its_paths_are_short_and_their_end_is_given_up_in_the_end() -> None:
+    policy = driving(Execution(latency_s=0.3))
+    for k in range(48):
+        policy.act(seen(0.3 * k, 9.0 * k))
+    answers = [policy.act(seen(14.4 + 0.3 * k, 63.0)) for k in range(60)]
+    ways = [answer for answer in answers if not isinstance(answer.movement, Waypoint) or answer.movement.x_m]
+    short = [answer.movement for answer in ways if isinstance(answer.movement, Waypoint)]
+    assert isinstance(ways[0].movement, Trajectory)
+    assert short
+    assert all(math.hypot(way.x_m, way.y_m) == pytest.approx(0.1) for way in short)
+    assert isinstance(ways[-1].movement, Waypoint), "the robot has not left"
+    ends = [answer.diagnostics.path[-1] for answer in ways]
+    assert math.dist(ends[0], ends[-1]) > 0.3, "another frontier"
+
+
 def test_while_the_robot_drives_on_it_stops_at_a_goal_that_two_views_show() -> None:
     policy = driving(Execution(latency_s=0.3))
     near = ("sofa", (50, 110, 30, 130), 0.7)

@@ -126,7 +126,7 @@ class Rig:
         self.runner = PathRunner(link, self.movements)  # type: ignore[arg-type]
         camera = RosCamera(link, PROFILE)  # type: ignore[arg-type]
         self.guard = PathGuard(link.profile, ProtocolParameters())
-        self.looks = PathLooks(camera, self.guard)
+        self.looks = PathLooks(camera, self.guard, self.movements.origin)
 
     @property
     def now_s(self) -> float:

@@ -318,6 +318,18 @@ def test_a_pixel_becomes_a_waypoint_through_the_depth_of_its_image() -> None:
     assert not any(step.refusal for step in record.steps)
 
 
+def test_a_robot_does_not_turn_into_a_corner_that_was_never_in_its_view() -> None:
+    turn = Velocity(0.2, 0.5, 1.0)
+    corner = {"id": "corner", "category": "box", "position": [-1.8, 0.3], "size_m": [0.06, 0.06, 1.0]}
+    site = Site.model_validate(LANE.content() | {"objects": [*LANE.content()["objects"], corner]})
+    record, _ = ran(Answers(lambda n, _: Action.STOP if n == 12 else turn), 0.3, site=site)
+    assert record.outcome is not None
+    assert record.outcome.verdict.end_reason is EndReason.STOP
+    refused = [step for step in record.steps if step.blocked]
+    assert refused
+    assert all(step.guard is not None and step.guard.side == "left" for step in refused)
+
+
 def test_a_stop_in_front_of_a_wall_is_blocked_and_the_model_is_asked_again() -> None:
     record, _ = ran(Answers(lambda n, _: Action.STOP if n == 40 else Waypoint(4.0, 0.0)), 0.5)
     blocked = [step for step in record.steps if step.blocked]

@@ -7,7 +7,8 @@ from tests.sensing.stand import LEGGED
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import Refusal
-from vsnbench.runner.episode.side_guard import REMEMBERED_M, SideGuard
+from vsnbench.runner.episode.local_map import REMEMBERED_M, LocalMap
+from vsnbench.runner.episode.side_guard import SideGuard
 from vsnbench.sites.site import Site, SiteObject, StartingPosition
 from vsnbench.values.movement import Move, Sidestep, Velocity
 
@@ -24,13 +25,15 @@ class Walk:
     def __init__(self, *things: SiteObject, start: tuple[float, float] = (-1.0, 0.0), guard: DepthGuard | None = None):
         self.robot = SimulatedRobot(Site.model_validate(ROOM.model_dump() | {"objects": things}), PROFILE)
         self.robot.begin(StartingPosition(number=1, position=start, heading_deg=0.0), 1)
-        self.guard = SideGuard(PROFILE.base, ProtocolParameters(depth_guard=guard or DepthGuard()))
-        self.guard.look(self.robot.observe())
+        parameters = ProtocolParameters(depth_guard=guard or DepthGuard())
+        self.map = LocalMap(PROFILE, parameters.depth_guard)
+        self.guard = SideGuard(PROFILE.base, parameters, self.map)
+        self.map.observe(self.robot.observe())
 
     def drive(self, *movements: Move | Sidestep | Velocity) -> "Walk":
         for movement in movements:
             assert self.robot.drive(movement).completed
-            self.guard.look(self.robot.observe())
+            self.map.observe(self.robot.observe())
         return self
 
 
@@ -80,8 +83,7 @@ def test_a_velocity_to_the_side_is_refused_towards_an_obstacle_and_where_nothing
 def test_what_was_seen_long_ago_is_forgotten() -> None:
     walk = Walk(start=(-2.5, 0.0)).drive(*AHEAD)
     assert not walk.guard.reading(0.25).blocked
-    looks = round(REMEMBERED_M / 0.25) // 2
-    walk.drive(*[Move(-0.25), Move(0.25)] * (looks + 1))
+    walk.drive(*[Move(-0.1), Move(0.1)] * (round(REMEMBERED_M / 0.2) + 1))
     assert walk.guard.reading(0.25).refusal is Refusal.UNSEEN
 
 

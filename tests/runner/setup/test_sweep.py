@@ -13,6 +13,7 @@ from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.reading.throughput import NO_THROUGHPUT, Throughput
+from vsnbench.results.writing.campaigns import protocol_sha256
 from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import AbsentOperator, Operator
@@ -35,6 +36,7 @@ from vsnbench.runner.stopping.requests import Stopped
 from vsnbench.sites.site import load_site
 
 SETUP = TrialSetupSpec(load_site("apartment"), "forward", ("chair",), keep=KeepFiles.IMAGES)
+PROTOCOL = protocol_sha256(SETUP.parameters)
 REQUEST = RunRequest(SETUP, ResultsDirectory.locate(Path("nowhere"), None, {}), workers=WorkerOptions(2))
 
 
@@ -90,7 +92,9 @@ def test_the_estimate_uses_recorded_times_and_the_trials_left() -> None:
     guessed = cost_of(sweep, NO_THROUGHPUT)
     assert (guessed.campaigns, guessed.trials, guessed.done, guessed.known_from) == (4, 60, 0, 0)
     assert math.isclose(guessed.seconds, 60 * UNKNOWN_PACE_S / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
-    pace = Throughput({"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0, ""): 15})
+    pace = Throughput(
+        {"forward": (1.0, 40), "random": (5.0, 9)}, {("forward", "apartment", 0, "", PROTOCOL, "chair"): 15}
+    )
     known = cost_of(sweep, pace)
     assert (known.trials, known.done, known.known_from) == (60, 15, 49)
     assert math.isclose(known.seconds, (15 * 1.0 + 30 * 5.0) / 2 + STARTUP_S + 3 * NEXT_STARTUP_S)
@@ -105,7 +109,12 @@ def test_a_stress_test_pairs_every_campaign_with_its_disturbances() -> None:
         ("random", ""),
         ("random", "glare=0.2"),
     ]
-    done = {("forward", "apartment", 0, ""): 15, ("random", "apartment", 0, "blur=1"): 4}
+    done = {
+        ("forward", "apartment", 0, "", PROTOCOL, "chair"): 15,
+        ("random", "apartment", 0, "blur=1", PROTOCOL, "chair"): 4,
+        ("random", "apartment", 0, "blur=1", PROTOCOL, "bed"): 5,
+        ("random", "apartment", 0, "blur=1", "another execution", "chair"): 6,
+    }
     cost = cost_of(sweep, Throughput({}, done))
     assert (cost.campaigns, cost.trials, cost.done) == (10, 150, 19)
 

@@ -17,6 +17,7 @@ from vsnbench.report.measures import COUNT, Measure, Measures, objects
 from vsnbench.report.table import print_tables
 from vsnbench.report.tables.stress import STRESSED, stress_table
 from vsnbench.runner.setup.request import RunRequest
+from vsnbench.runner.setup.selection import possible_goals
 from vsnbench.runner.setup.stress import condition_of
 from vsnbench.runner.setup.sweep import Sweep, Swept, undone
 
@@ -79,7 +80,7 @@ def run_stress(
 
 
 def _stressed(swept: Sequence[Swept], unseen: Mapping[str, Sequence[str]], request: RunRequest) -> list[StressedModel]:
-    """Return the losses of every model in every site; none where nothing has a result."""
+    """Return the losses of every model in every site for the requested goals; none where nothing has a result."""
     results, parameters = request.results, request.setup.parameters
     found: dict[tuple[str, str], dict[Disturbances, list[int]]] = {}
     for campaign in swept:
@@ -90,7 +91,9 @@ def _stressed(swept: Sequence[Swept], unseen: Mapping[str, Sequence[str]], reque
     numbers = [number for own in found.values() for several in own.values() for number in several]
     if not numbers:
         return []
-    record = read(results.database_url, Selection(campaigns=numbers), results.path)
+    setups = [campaign.request.setup for campaign in swept if campaign.session is not None]
+    goals = dict.fromkeys(goal for setup in setups for goal in possible_goals(setup.goals, setup.site))
+    record = read(results.database_url, Selection(campaigns=numbers, goals=tuple(goals)), results.path)
     summaries = summarise(record)
     models = []
     for (name, _), own in found.items():

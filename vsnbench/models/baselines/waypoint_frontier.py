@@ -35,6 +35,12 @@ _ASIDE_RAD: Final = math.radians(20)
 """A robot that rests first turns to a path with a larger bearing: the guard looks ahead before it leaves."""
 _NO_MOTION_M: Final = 0.02
 """A robot that moved less was blocked: where its map says so, it turns before it tries again."""
+_CREEP_M: Final = 0.1
+"""Length of a path where the guard kept the robot at rest: a shorter path needs less free way straight ahead."""
+_CREEP_WITHIN_M: Final = 0.3
+"""Paths are short up to this distance from there."""
+_MAX_KEPT: Final = 3
+"""Times that the guard keeps the robot at one place, after which the end of its path is given up."""
 _SCAN_TURNS: Final = 2
 """A scan on a robot that drives on is this number of turns ahead: its views must overlap."""
 
@@ -94,13 +100,18 @@ class WaypointSearch(FrontierSearch):
         self._swept_rad = 0.0
         self._is_blocked = False
         """Whether the robot did not leave where it got its last path."""
+        self._kept_at: Pose | None = None
+        """Where the guard last kept a robot that drives on from leaving."""
+        self._kept = 0
+        """Times that it was kept there."""
 
     def step(self, observation: Observation, detections: tuple[Detection, ...], value: float) -> Decision:
         """Return the next answer; see `Search.step`."""
         pose = observation.pose
         covered_m = pose.distance_to(self._last) if self._drives_on and self._last is not None else 0.0
         self._last = pose
-        ahead_m = min(_AHEAD_M + 2 * covered_m, _LONGEST_M)
+        creeps = self._kept_at is not None and pose.distance_to(self._kept_at) < _CREEP_WITHIN_M
+        ahead_m = _CREEP_M if creeps else min(_AHEAD_M + 2 * covered_m, _LONGEST_M)
         plan = self._plan
         if plan is not None and not self._is_new(plan, observation):
             movement = _movement(plan, pose, ahead_m)
@@ -136,9 +147,20 @@ class WaypointSearch(FrontierSearch):
         if self._drives_on and self._still.is_stuck(pose, observation.stamp_s):
             self._still.forget()
             self._before_forward = pose if had_path else None
+            if had_path:
+                self._note_kept(pose)
         before = self._before_forward
         self._is_blocked = had_path and before is not None and before.distance_to(pose) < _NO_MOTION_M
         super()._note_last_move(pose, depth_m, observation)
+
+    def _note_kept(self, pose: Pose) -> None:
+        """Count how often the guard keeps the robot at a place; give up the end of the path if it is too often."""
+        same_place = self._kept_at is not None and pose.distance_to(self._kept_at) < _NO_MOTION_M
+        self._kept = self._kept + 1 if same_place else 1
+        self._kept_at = pose
+        if self._kept >= _MAX_KEPT and self._plan is not None:
+            self._kept = 0
+            self._given_up.append(self._plan.path[-1])
 
     def _begin_scan(self) -> Decision:
         self._swept_rad = 0.0
@@ -187,6 +209,10 @@ def _movement(plan: _SearchPlan, pose: Pose, ahead_m: float) -> Movement | None:
         points.append(Pose(*point).relative_to(pose).position)
         if length_m >= ahead_m:
             break
+    if ahead_m < _SPACING_M and length_m > ahead_m:
+        x_m, y_m = points[0]
+        share = ahead_m / math.hypot(x_m, y_m)
+        return Waypoint(share * x_m, share * y_m)
     if len(points) > 1:
         return Trajectory(tuple(points))
     return Waypoint(*points[0]) if length_m > _SPACING_M / 2 else None

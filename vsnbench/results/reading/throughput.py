@@ -9,7 +9,7 @@ from sqlalchemy import Engine, func, select
 from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.results.reading.read_model import episodes_of_campaigns
 from vsnbench.results.schema.engine import reading, transaction
-from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, SiteRow
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, SiteRow, TrialRow
 from vsnbench.results.writing.lifecycle import RESULTS
 
 
@@ -19,8 +19,8 @@ class Throughput:
 
     seconds: Mapping[str, tuple[float, int]]
     """By model: mean wall time of an episode, and number of episodes."""
-    done: Mapping[tuple[str, str, int, str], int]
-    """By model, site, seed and text of the disturbances: number of trials with a result."""
+    done: Mapping[tuple[str, str, int, str, str, str], int]
+    """By model, site, seed, text of the disturbances, hash of the protocol and goal: number of trials with a result."""
 
 
 NO_THROUGHPUT = Throughput({}, {})
@@ -41,17 +41,20 @@ def throughput_of(engine: Engine) -> Throughput:
         .group_by(ModelRow.name)
     )
     trials = (
-        episodes_of_campaigns(CampaignRow.id, ModelRow.name, SiteRow.name, func.count(EpisodeRow.trial_id.distinct()))
+        episodes_of_campaigns(
+            CampaignRow.id, ModelRow.name, SiteRow.name, TrialRow.goal, func.count(EpisodeRow.trial_id.distinct())
+        )
         .where(results)
-        .group_by(CampaignRow.id, ModelRow.name, SiteRow.name)
+        .group_by(CampaignRow.id, ModelRow.name, SiteRow.name, TrialRow.goal)
     )
     with transaction(reading(engine)) as connection:
         campaigns = {
-            row.id: (row.seed, text_of_conditions(row.conditions))
-            for row in connection.execute(select(CampaignRow.id, CampaignRow.seed, CampaignRow.conditions))
+            row.id: (row.seed, text_of_conditions(row.conditions), row.protocol_sha256)
+            for row in connection.execute(
+                select(CampaignRow.id, CampaignRow.seed, CampaignRow.conditions, CampaignRow.protocol_sha256)
+            )
         }
-        done: Counter[tuple[str, str, int, str]] = Counter()
-        for campaign, model, site, count in connection.execute(trials):
-            seed, disturbed = campaigns[campaign]
-            done[model, site, seed, disturbed] += count
+        done: Counter[tuple[str, str, int, str, str, str]] = Counter()
+        for campaign, model, site, goal, count in connection.execute(trials):
+            done[model, site, *campaigns[campaign], goal] += count
         return Throughput({name: (float(mean), count) for name, mean, count in connection.execute(seconds)}, done)

@@ -62,6 +62,11 @@ def trial_seed(campaign_seed: int, goal: str, start: int, repetition: int) -> in
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
+def protocol_sha256(parameters: ProtocolParameters) -> str:
+    """Return the hash of a protocol's parameters."""
+    return content_sha256(parameters.model_dump(mode="json"))
+
+
 @dataclass(frozen=True, slots=True)
 class CampaignPlan:
     """A condition, a seed and requested trials; equal conditions and seeds are the same campaign.
@@ -91,7 +96,7 @@ class CampaignPlan:
     @property
     def protocol_sha256(self) -> str:
         """Hash of the protocol's parameters."""
-        return content_sha256(self.protocol.model_dump(mode="json"))
+        return protocol_sha256(self.protocol)
 
     @property
     def key(self) -> str:

@@ -55,7 +55,7 @@ class MovementWatch:
             camera = self._camera
             seen_m = in_range(np.full((camera.height, camera.width), np.nan, np.float32), camera)
             seen_m = seen_m if depth_m is None else depth_m
-            self._look(DrivingView(seen_m, camera.without_roll, 0.0, 0.0, 0.0, math.inf))
+            self._look(DrivingView(seen_m, camera.without_roll, self.before, 0.0, 0.0, 0.0, 0.0, math.inf))
 
     @property
     def lasted_s(self) -> float:
@@ -113,6 +113,7 @@ class MovementWatch:
         if linear_m_s < _DRIVING_M_S:
             return
         left_m = remaining_m(self.movement, self.before, self.pose)
-        view = DrivingView(self._depth_m, self._camera.without_roll, age_s, linear_m_s, angular_rad_s, left_m)
+        camera, stamp_s = self._camera.without_roll, self._depth_stamp_s
+        view = DrivingView(self._depth_m, camera, self.pose, stamp_s, age_s, linear_m_s, angular_rad_s, left_m)
         if reason := self._look(view):
             raise MovementAlarmError(reason, blocked=True)

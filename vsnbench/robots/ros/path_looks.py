@@ -4,9 +4,6 @@ import math
 import time
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from vsnbench.errors import ImageError, SensorLostError
 from vsnbench.robots.contract import DrivingView, Watch
 from vsnbench.robots.ros.camera import RosCamera
@@ -14,15 +11,16 @@ from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import Stamped
 from vsnbench.sensing.images.intrinsics import CalibrationError
 from vsnbench.sensing.movement_check import MovementAlarmError
-from vsnbench.sensing.odometry.odometry import OdometryReading
+from vsnbench.sensing.odometry.odometry import OdometryReading, pose_at
 from vsnbench.sensing.robot_reports import RobotSnapshot
-from vsnbench.values.camera import Camera
-from vsnbench.values.pose import wrap_angle
+from vsnbench.values.pose import Pose, wrap_angle
 
 _SPEED_PERIOD_S = 0.12
 """Time over which the speed is measured by the odometry."""
 _DRIVING_M_S = 0.015
 """A slower robot stands, or turns on the spot, and needs no free way."""
+_TURNING_RAD_S = 0.05
+"""A robot that turns on the spot more slowly stands: it sees nothing new."""
 _LONGEST_AGE_S = 0.3
 """No movement forward goes on if the last depth image arrived longer ago."""
 _LONGEST_DELAY_S = 0.5
@@ -32,10 +30,17 @@ _SIGHT_TIMEOUT_S = 1.0
 
 
 class PathLooks:
-    """Passes each new depth image of one movement to a check."""
+    """Passes each new depth image of one movement to a check.
 
-    def __init__(self, camera: RosCamera, check: Watch) -> None:
+    Args:
+        camera: decodes the images.
+        check: the check.
+        origin: odometry at the start of the episode.
+    """
+
+    def __init__(self, camera: RosCamera, check: Watch, origin: Pose) -> None:
         self._camera = camera
+        self._origin = origin
         self.check = check
         self._last_arrival_s = -math.inf
 
@@ -58,7 +63,7 @@ class PathLooks:
             MovementAlarmError: the newest depth image cannot be read.
         """
         if now.depths:
-            self.check(DrivingView(*self._depth_of(now.depths[-1]), 0.0, 0.0, 0.0, math.inf))
+            self.check(self._view(now, 0.0, (0.0, 0.0), math.inf))
 
     def look_from_rest(self, now: RobotSnapshot, since_s: float, remaining_m: float) -> bool:
         """Check an image of a robot at rest that is to leave its position; return whether there is one already.
@@ -74,12 +79,12 @@ class PathLooks:
         if not now.depths or now.depths[-1].stamp_s < since_s:
             return False
         age_s = captured_ago_s(now.depths[-1], now)
-        if reason := self.check(DrivingView(*self._depth_of(now.depths[-1]), age_s, 0.0, 0.0, remaining_m)):
+        if reason := self.check(self._view(now, age_s, (0.0, 0.0), remaining_m)):
             raise MovementAlarmError(reason, blocked=True)
         return True
 
     def look(self, now: RobotSnapshot, remaining_m: float) -> None:
-        """Check the newest depth image if the robot drives forward.
+        """Check the newest depth image if the robot drives forward, or show it to the check if it turns on the spot.
 
         Without a new image, the age of the last one grows until the check refuses to drive on.
 
@@ -91,23 +96,31 @@ class PathLooks:
             MovementAlarmError: the way ahead is not free, or not seen.
         """
         linear_m_s, angular_rad_s = velocity_of(now.readings)
-        if linear_m_s < _DRIVING_M_S or not now.depths:
+        turns = abs(linear_m_s) < _DRIVING_M_S and abs(angular_rad_s) > _TURNING_RAD_S
+        if (linear_m_s < _DRIVING_M_S and not turns) or not now.depths:
             return
         newest = now.depths[-1]
         age_s = time.monotonic() - newest.arrival_s
         if newest.arrival_s == self._last_arrival_s and age_s < _SPEED_PERIOD_S:
             return
         if age_s > _LONGEST_AGE_S:
+            if turns:
+                return
             raise MovementAlarmError(f"no depth image for {age_s:.1f} s", blocked=True)
         self._last_arrival_s = newest.arrival_s
-        (depth_m, camera), age_s = self._depth_of(newest), captured_ago_s(newest, now)
-        view = DrivingView(depth_m, camera, age_s, linear_m_s, angular_rad_s, remaining_m)
-        if reason := self.check(view):
+        velocity = (0.0 if turns else linear_m_s, angular_rad_s)
+        if reason := self.check(self._view(now, captured_ago_s(newest, now), velocity, remaining_m)):
             raise MovementAlarmError(reason, blocked=True)
 
-    def _depth_of(self, image: Stamped[Any]) -> tuple[npt.NDArray[np.float32], Camera]:
+    def _view(self, now: RobotSnapshot, age_s: float, velocity: tuple[float, float], remaining_m: float) -> DrivingView:
+        """Return the newest depth image with the odometry at its capture."""
+        image = now.depths[-1]
+        here = pose_at(now.readings, image.stamp_s) or (self._origin if now.latest is None else now.latest.pose)
         try:
-            return self._camera.depth_of(image)
+            depth_m, camera = self._camera.depth_of(image)
+            return DrivingView(
+                depth_m, camera, here.relative_to(self._origin), image.stamp_s, age_s, *velocity, remaining_m
+            )
         except SensorLostError as error:
             raise MovementAlarmError(str(error), sensor_lost=True) from error
         except (ImageError, CalibrationError, ValueError) as error:

@@ -199,7 +199,7 @@ class RosRobot(Robot):
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 
     def _looks_of(self, watch: Watch | None) -> PathLooks | None:
-        return PathLooks(self._camera, watch) if watch and self._link.names.depth else None
+        return PathLooks(self._camera, watch, self.movements.origin) if watch and self._link.names.depth else None
 
     def now_s(self) -> float | None:
         """Return the time on the clock of the odometry's stamps, which also stamps the images."""

@@ -72,7 +72,7 @@ class ContinuousStepper(Stepper):
         """The answer after it, once it has taken effect."""
         self._spent = Spent()
         self._before = start
-        self._path_guard = PathGuard(robot.identity.profile, plan.parameters)
+        self._path_guard = PathGuard(robot.identity.profile, plan.parameters, self._map)
         if robot.now_s() is not None:
             stop.at_once = robot.halt
         self._frame_due_s: float | None = None
@@ -120,10 +120,7 @@ class ContinuousStepper(Stepper):
     def _ask(self) -> _Answer:
         """Let the model answer the newest observation."""
         t0 = time.perf_counter()
-        observation = self._robot.observe()
-        self.watch.look(observation)
-        if self._side is not None:
-            self._side.look(observation)
+        observation = self._observe()
         seen = self._view.of(observation)
         t1 = time.perf_counter()
         decision = self._decided(self._calls.act(seen, budget_left(self._so_far(), self._plan.parameters)))

@@ -15,6 +15,7 @@ from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.camera_watch import CameraWatch
 from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
+from vsnbench.runner.episode.local_map import LocalMap
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.policy_calls import PolicyCalls
@@ -109,7 +110,12 @@ class Stepper:
             # Without a reference to this object, whose cycle would keep the last images in memory.
             free_ahead_m=lambda: free_space(plan.site, base.radius_m).free_ahead_m(start.pose),
         )
-        self._side = SideGuard(base, plan.parameters) if base.max_lateral_m_s else None
+        self._map: LocalMap | None = None
+        self._side: SideGuard | None = None
+        if base.max_lateral_m_s or plan.parameters.execution is not None:
+            self._map = LocalMap(robot.identity.profile, self._guard)
+        if base.max_lateral_m_s and self._map is not None:
+            self._side = SideGuard(base, plan.parameters, self._map)
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
@@ -120,10 +126,7 @@ class Stepper:
         """
         with self._stop.interruptible():
             t0 = time.perf_counter()
-            observation = self._robot.observe()
-            self.watch.look(observation)
-            if self._side is not None:
-                self._side.look(observation)
+            observation = self._observe()
             seen = self._view.of(observation)
             t1 = time.perf_counter()
             delay_s = 0.0 if self._parts else self._view.latency_s
@@ -158,6 +161,14 @@ class Stepper:
             self.interrupted = step
             raise ended
         return step, end_after(spent, decision.action, result, self._plan.parameters)
+
+    def _observe(self) -> Observation:
+        """Return a new observation, which the camera watch and the local map have taken."""
+        observation = self._robot.observe()
+        self.watch.look(observation)
+        if self._map is not None:
+            self._map.observe(observation)
+        return observation
 
     def _interrupted_motion(self, stopped: Stopped, before: Fix, began_s: float) -> tuple[MotionResult, Fix] | None:
         """Halt the robot, and return its motion so far and its pose; None if there is none, or if it is not known."""

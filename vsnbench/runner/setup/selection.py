@@ -162,7 +162,12 @@ def named_goals(requested: Sequence[str]) -> list[str]:
 
 def max_goals(names: Sequence[str], site: Site) -> int:
     """Return the maximum number of goals that `choose_goals` can return for any model."""
-    return len(_of_the_paper(site)) if "all" in names else len(names)
+    return len(possible_goals(names, site))
+
+
+def possible_goals(names: Sequence[str], site: Site) -> tuple[str, ...]:
+    """Return the goals that `choose_goals` can return for any model."""
+    return tuple(_of_the_paper(site) if "all" in names else names)
 
 
 def _of_the_paper(site: Site) -> list[str]:

@@ -8,6 +8,7 @@ from vsnbench.errors import UsageError, VsnbenchError
 from vsnbench.models.registry import locate
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.reading.throughput import Throughput
+from vsnbench.results.writing.campaigns import protocol_sha256
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.capacity import Capacity
 from vsnbench.runner.executors.local_pool import SharedWorkers
@@ -15,7 +16,7 @@ from vsnbench.runner.loop.contract import SessionResult
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.setup.launch import launch
 from vsnbench.runner.setup.request import NoGoalPresentError, RunRequest
-from vsnbench.runner.setup.selection import FLAT, named_goals, named_site
+from vsnbench.runner.setup.selection import FLAT, named_goals, named_site, possible_goals
 from vsnbench.sites.site import Site
 
 logger = logging.getLogger(__name__)
@@ -116,8 +117,10 @@ def cost_of(sweep: Sweep, throughput: Throughput) -> Cost:
     known_of: dict[str, int] = {}
     for request in sweep:
         model, trials = request.setup.model, request.max_trials
-        condition = model, request.site_name, request.seed, request.setup.disturbances.text
-        has = min(trials, throughput.done.get(condition, 0))
+        setup = request.setup
+        condition = model, request.site_name, request.seed, setup.disturbances.text, protocol_sha256(setup.parameters)
+        goals = possible_goals(setup.goals, setup.site)
+        has = min(trials, sum(throughput.done.get((*condition, goal), 0) for goal in goals))
         done += has
         left += trials - has
         mean_s, episodes = throughput.seconds.get(model, (UNKNOWN_PACE_S, 0))
