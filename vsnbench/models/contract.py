@@ -118,6 +118,12 @@ class Policy(ABC):
         """
         raise NotImplementedError(f"{cls.__name__}.check")
 
+    def end_episode(self) -> None:
+        """Learn that the episode has ended. Called at once, before the robot is at rest; must not wait.
+
+        Does nothing by default. A stack is told to abort here.
+        """
+
     def close(self) -> None:
         """Release resources. Does nothing by default."""
 

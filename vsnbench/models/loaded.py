@@ -67,6 +67,10 @@ class LoadedPolicy(Policy):
         except TimeLimitError as error:
             raise ModelLostError(f"act: no answer within {self._act_timeout_s:g} s") from error
 
+    def end_episode(self) -> None:
+        """Pass the end of the episode on."""
+        self.policy.end_episode()
+
     def close(self) -> None:
         """Close the policy."""
         self.policy.close()

@@ -56,6 +56,10 @@ class MovementRunner:
         """Odometry at the begin of the movement after the last observation; None before it begins."""
         self.outcome: MotionResult | None = None
         """What discrete_move reported of the last movement; None for a server that does not report it."""
+        self.others_drive = False
+        """Whether velocities of other publishers are expected, because a stack drives the robot."""
+        self.driven_against = ""
+        """Who still drove when the base was last held, or an empty string."""
         self._movement: Drive = STOP
         self._moving = False
         self._requested_s = 0.0
@@ -193,6 +197,7 @@ class MovementRunner:
     def begin_to_watch(self) -> None:
         """Allow others to steer the base, and count what is reported from now on; see `require_no_alarm`."""
         self._requested_s = self._checked_s = self._listening_since_s = time.monotonic()
+        self.driven_against = ""
         self._link.release()
 
     def _check(self, before: Pose, looks: PathLooks | None) -> None:
@@ -242,7 +247,7 @@ class MovementRunner:
             raise MovementAlarmError(f"{hazard.value} ({where})")
         if now.contact:
             raise MovementAlarmError(f"touched {now.contact}")
-        if now.rival_s > self._requested_s:
+        if now.rival_s > self._requested_s and not self.others_drive:
             raise MovementAlarmError(rival_text(now.rival, names.command))
         if now.odometry_fault:
             raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)
@@ -268,7 +273,7 @@ class MovementRunner:
         except RobotError as error:
             logger.warning("discrete_move does not stop: %s", error)
         if not self._link.wait_for(self._undriven_at_rest, _STANDSTILL_TIMEOUT_S):
-            driver = self._link.snapshot().driven_by
+            self.driven_against = driver = self._link.snapshot().driven_by
             logger.warning("%s still drives: the base is held at zero velocity; end that node", driver)
         self._link.stand_still()
 

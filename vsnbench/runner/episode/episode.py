@@ -171,6 +171,8 @@ def run_episode(
     outcome = _judged(robot, plan, reason, spent.actions, time.monotonic() - began, error, began=recording)
     if looks is not None:
         outcome = looks.judged(outcome)
+    if recording and robot.driven_against:
+        recorder.event("drives_on", f"{robot.driven_against} drove on after the end; the base was held at rest")
     if outcome.error:
         recorder.event(outcome.verdict.end_reason.value, outcome.error)
     if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:

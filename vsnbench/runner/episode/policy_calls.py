@@ -87,6 +87,13 @@ class PolicyCalls:
         with self._failures("act"):
             return fitting_decision(self._policy.act(visible), self._card, self._robot)
 
+    def end(self) -> None:
+        """Tell the policy that the episode has ended; its errors are logged, and never keep a robot from stopping."""
+        try:
+            self._policy.end_episode()
+        except Exception as error:
+            logger.warning("model %s failed in end_episode: %s", self._name, error_line(error))
+
     def without_tilt(self, part: Action | Movement) -> Decision:
         """Return a part of a chunk as a decision, with LOOK_UP and LOOK_DOWN replaced as the card states."""
         return without_tilt(part, self._card)
