@@ -1,7 +1,7 @@
 """The file of a stack: how vsnbench tells it the goal, how it says that it has arrived, and how it is told to abort."""
 
 from pathlib import Path
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -71,6 +71,7 @@ class Arrival(_OneOf):
     rest_s: Annotated[float, Field(ge=0.5, le=120)] | None = Field(
         default=None, description="time at rest, after the robot has moved"
     )
+    operator: Literal[True] | None = Field(default=None, description="key `a` at the terminal, or the page's button")
 
 
 class Abort(_OneOf):
@@ -128,7 +129,7 @@ def card_of(stack: Stack, path: Path) -> ModelCard:
     )
     return ModelCard(
         name=stack.name,
-        weights_label=stack.version,
+        weights_label=f"version {stack.version}",
         goals=None if stack.goals is None else frozenset(stack.goals),
         goal_kinds=stack.goal_kinds,
         sensors=frozenset({Sensor.ODOMETRY}),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import Policy
-from vsnbench.models.stack.file import card_of, load_stack
+from vsnbench.models.stack.file import GOAL_WORD, card_of, load_stack
 from vsnbench.models.stack.trial import StackTrial
 from vsnbench.models.task import Task
 from vsnbench.values.action import Action
@@ -48,6 +48,7 @@ class StackPolicy(Policy):
         """
         self._stack = load_stack(file)
         self.card = card_of(self._stack, file)
+        self.asks_operator = self._stack.arrived.operator is True
         self._file = file
         self._watched = False
         self._goal: Goal | str = ""
@@ -61,6 +62,7 @@ class StackPolicy(Policy):
         del seed
         self._finish()
         self._goal, self._watched = goal, False
+        self.announcement = (self._stack.announce.operator or "").replace(GOAL_WORD, goal)
         self._moved, self._start, self._rest_since = False, None, None
 
     def begin(self, task: Task) -> None:

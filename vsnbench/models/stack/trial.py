@@ -103,15 +103,12 @@ class StackTrial:
             self._arrived = state["arrived"]
         if process is None or (code := process.poll()) is None:
             return
-        if arrived.exit_code is None:
-            if code != 0:
-                raise ModelError(f"the command of the stack ended with exit code {code}")
-        elif code == arrived.exit_code:
+        if arrived.exit_code is not None and code == arrived.exit_code:
             self._arrived = True
-        else:
-            raise ModelError(
-                f"the command of the stack ended with exit code {code}, and {arrived.exit_code} says that it arrived"
-            )
+        elif arrived.exit_code is not None or code != 0:
+            ended = f"by signal {-code}" if code < 0 else f"with exit code {code}"
+            expected = "" if arrived.exit_code is None else f", and {arrived.exit_code} says that it arrived"
+            raise ModelError(f"the command of the stack ended {ended}{expected}")
 
     def _abort(self) -> None:
         abort, process = self._stack.abort, self._process
@@ -131,7 +128,7 @@ class StackTrial:
         if program is None:
             raise ModelError(f"cannot start {sanitize(name)}: there is no such program", code="no-stack-program")
         return subprocess.Popen(
-            command_that_ends_with_parent([str(Path(program).resolve()), *arguments]),
+            command_that_ends_with_parent([str(Path(program).absolute()), *arguments]),
             stdin=subprocess.DEVNULL,
             stdout=2,  # stdout is for results
             cwd=self._directory,

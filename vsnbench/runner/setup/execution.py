@@ -35,10 +35,17 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
             from rest to rest (`unsupported-action-kind`), there are two latencies (`two-latencies`), or a stack cannot
             drive it; see `_check_stack`.
     """
+    by_stack = parameters.execution is not None and parameters.execution.is_by_stack
+    if STACK in card.settings and not by_stack:
+        raise UsageError(
+            f"stack {card.name} drives the robot itself, which only `vsnbench run` watches",
+            advice=f"run it as a campaign of its own: vsnbench run --model stack:FILE.yaml --robot {_name(robot)}",
+            code="stack-not-watched",
+        )
     if parameters.execution is None:
         return
-    name = robot.identity.profile.name
-    if parameters.execution.is_by_stack:
+    name = _name(robot)
+    if by_stack:
         _check_stack(disturbances, robot, card)
         return
     if not robot.drives_on:
@@ -63,6 +70,21 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
         )
 
 
+def check_stack_without_person(card: ModelCard) -> None:
+    """Check that no person has to start a stack, or to say that it has arrived.
+
+    Raises:
+        UsageError: one has (`needs-operator`).
+    """
+    ways = card.settings.get(STACK, {})
+    if "operator" in {*ways.get("announce", {}), *ways.get("arrived", {})}:
+        raise UsageError(
+            f"stack {card.name} needs an operator, who starts it or says that it has arrived, and nobody is present",
+            advice="add --console, for a page in the operator's browser",
+            code="needs-operator",
+        )
+
+
 def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
     """Check that a stack can drive a robot itself.
 
@@ -78,8 +100,7 @@ def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> N
         )
     if not robot.can_be_watched:
         raise UsageError(
-            f"robot {robot.identity.profile.name} takes no velocity commands on a topic, so stack {card.name} cannot "
-            "drive it",
+            f"robot {_name(robot)} takes no velocity commands on a topic, so stack {card.name} cannot drive it",
             advice="use a robot over ROS, or a simulated one: vsnbench robots simulate turtlebot4",
             code="no-velocity-commands",
         )
@@ -89,3 +110,7 @@ def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> N
             advice="leave --disturb out",
             code="stack-disturbed",
         )
+
+
+def _name(robot: Robot) -> str:
+    return robot.identity.profile.name

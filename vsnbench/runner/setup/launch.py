@@ -26,7 +26,7 @@ from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, VoidLimit
 from vsnbench.runner.operator.contract import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.session import run_session
-from vsnbench.runner.setup.execution import rules_for
+from vsnbench.runner.setup.execution import check_stack_without_person, rules_for
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import is_surveyed, plan_trials
 from vsnbench.runner.setup.trial_setup import (
@@ -82,6 +82,8 @@ def launch(
             check_survey(request.site, spec.site, robots.robot.profile.base.radius_m, spec.parameters)
         if robots.needs_operator:
             operators.require(robots.robot.profile)
+        if not operators.is_present(needed=robots.needs_operator):
+            check_stack_without_person(robots.description.card)
         results.prepare()
         provenance = robots.provenance()
         journal = stack.enter_context(Journal.open(results.database_url, provenance))

@@ -6,7 +6,7 @@ Its path for each goal is in the frame of the robot when the goal arrives. `afte
 import argparse
 import json
 import math
-import sys
+import os
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -78,8 +78,6 @@ class Stack:
             self.send(0.0, 0.0)
             return
         if given.after == "die":
-            import os
-
             os._exit(3)
         if given.after == "fail":
             self.state = {"arrived": False, "failed": "no path to the goal"}
@@ -128,7 +126,7 @@ class Handler(BaseHTTPRequestHandler):
 stack = Stack()
 if given.goal:
     stack.drive(given.goal)
-    sys.exit(0 if stack.state["arrived"] else 4)
+    os._exit(0 if stack.state["arrived"] else 4)  # the thread of rclpy would abort the process
 server = ThreadingHTTPServer(("127.0.0.1", given.port), Handler)
 print("listens", server.server_port, flush=True)
 server.serve_forever()
