@@ -134,6 +134,7 @@ class Condition:
     def description(self) -> str:
         """Footnote to the name: robot, site, protocol and differing settings."""
         weights = f" ({self.weights_sha256[:8]})" if self.weights_sha256 else ""
+        label = "" if self.execution == STACK else "weights: "
         parts = [
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
@@ -146,9 +147,7 @@ class Condition:
             f"answers: {', '.join(self.action_kinds)}" if self.action_kinds != _DISCRETE else "",
             "sensor noise on" if self.noisy else "",
             f"disturbed: {self.disturbed}" if self.disturbed else "",
-            f"{'' if self.execution == STACK else 'weights: '}{self.weights_label}{weights}"
-            if self.weights_label
-            else "",
+            f"{label}{self.weights_label}{weights}" if self.weights_label else "",
             f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
             "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",
