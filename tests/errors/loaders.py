@@ -17,6 +17,8 @@ from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.ros_map import read_ros_map
 from vsnbench.interop.upstream_log import read_upstream_log
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
+from vsnbench.models.stack.file import ANNOTATED_EXAMPLE as STACK_EXAMPLE
+from vsnbench.models.stack.file import load_stack
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.named import load_protocol, protocol_file_faults
 from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile
@@ -68,6 +70,7 @@ LOADERS = {
     "study": Loader(lambda path: parse_study(read_text(path), path.name), study_text()),
     "PIRLNav settings": Loader(_settings(PIRLNavSettings, "PIRLNav settings"), "decision: sampled\n"),
     "VLV settings": Loader(_settings(VLVSettings, "VLV settings"), "detector: simulated\n"),
+    "stack": Loader(load_stack, STACK_EXAMPLE.read_text(encoding="utf-8")),
     "motion settings": Loader(lambda path: motion_settings(load_profile("turtlebot2"), path), "timeout_s: 20\n"),
     "vsnbench.toml": Loader(read_config_file, 'site = "apartment"\n', "vsnbench.toml"),
     "ROS map": Loader(read_ros_map, "image: bed.png\nresolution: 0.05\n"),

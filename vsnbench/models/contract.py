@@ -63,6 +63,12 @@ class Policy(ABC):
     needs_survey: bool = False
     """Whether `survey` is called before each `reset`. Such a model is recorded as an upper bound."""
 
+    announcement: str = ""
+    """What the operator is told when an episode has begun; empty for nothing. A stack that a person starts has one."""
+
+    asks_operator: bool = False
+    """Whether the operator says that it has arrived, which is its STOP."""
+
     weights_file: ClassVar[str] = ""
     """Name of the weights in the directory of weights; empty if the model has none."""
 
@@ -117,6 +123,12 @@ class Policy(ABC):
             device: `auto`, `cpu`, `cuda` or `mps`.
         """
         raise NotImplementedError(f"{cls.__name__}.check")
+
+    def end_episode(self) -> None:
+        """Learn that the episode has ended. Called at once, before the robot is at rest; must not wait.
+
+        Does nothing by default. A stack is told to abort here.
+        """
 
     def close(self) -> None:
         """Release resources. Does nothing by default."""

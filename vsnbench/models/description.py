@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel
 
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.names import is_address
+from vsnbench.models.names import is_address, is_stack, stack_file
 from vsnbench.models.registry import keywords_of, locate
 
 
@@ -35,11 +35,13 @@ def describe_model(name: str) -> ModelDescription:
 
     Raises:
         UsageError: the model does not exist.
-        ModelError: its module cannot be imported, its card is invalid, or its server refuses.
+        ModelError: its module cannot be imported, its card is invalid, its server refuses, or its file is invalid.
         ModelLostError: no server answers.
     """
     if is_address(name):
         return _describe_server(name)
+    if is_stack(name):
+        return _describe_stack(name)
     where, factory = locate(name)
     text = inspect.getdoc(inspect.getmodule(factory)) or inspect.getdoc(factory) or ""
     policy = factory if isinstance(factory, type) and issubclass(factory, Policy) else Policy
@@ -69,5 +71,22 @@ def _describe_server(url: str) -> ModelDescription:
         card=card,
         weights_file="",
         settings_class=RemoteSettings,
+        can_check=False,
+    )
+
+
+def _describe_stack(name: str) -> ModelDescription:
+    from vsnbench.models.stack.file import card_of, load_stack
+
+    path = stack_file(name)
+    stack = load_stack(path)
+    return ModelDescription(
+        name=stack.name,
+        where=str(path),
+        summary=f"a stack that drives itself: {stack.text}",
+        keywords={},
+        card=card_of(stack, path),
+        weights_file="",
+        settings_class=None,
         can_check=False,
     )

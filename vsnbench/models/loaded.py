@@ -35,6 +35,7 @@ class LoadedPolicy(Policy):
         self.policy = policy
         self.needs_survey = policy.needs_survey
         self.card = copy_of(policy.card, surveyed=policy.needs_survey)
+        self.asks_operator = policy.asks_operator
         self._act_timeout_s = act_timeout_s
         self._remote = remote
 
@@ -52,6 +53,7 @@ class LoadedPolicy(Policy):
         """Start an episode."""
         with self._losses():
             self.policy.begin(task)
+        self.announcement = self.policy.announcement
 
     def act(self, observation: Observation) -> Decision:
         """Return the next action.
@@ -66,6 +68,10 @@ class LoadedPolicy(Policy):
             return call_interrupted(lambda: self._act(observation), self._act_timeout_s)
         except TimeLimitError as error:
             raise ModelLostError(f"act: no answer within {self._act_timeout_s:g} s") from error
+
+    def end_episode(self) -> None:
+        """Pass the end of the episode on."""
+        self.policy.end_episode()
 
     def close(self) -> None:
         """Close the policy."""

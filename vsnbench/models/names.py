@@ -1,5 +1,7 @@
 """Names of models: built-in models and plug-ins."""
 
+from pathlib import Path
+
 from vsnbench.plugins import plug_ins
 
 ENTRY_POINT_GROUP = "vsnbench.models"
@@ -28,10 +30,25 @@ def class_of(name: str) -> str:
 
 
 def is_third_party(name: str) -> bool:
-    """Return whether a name stands for code outside vsnbench. A server describes its model itself."""
-    return not is_address(name) and class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
+    """Return whether a name stands for code outside vsnbench. A server and a stack's file describe their models."""
+    return (
+        not is_address(name) and not is_stack(name) and class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
+    )
 
 
 def is_address(name: str) -> bool:
     """Return whether a name is the address of a model's server."""
     return name.startswith(("ws://", "wss://"))
+
+
+_STACK = "stack:"
+
+
+def is_stack(name: str) -> bool:
+    """Return whether a name is `stack:` with the file of a stack that drives itself."""
+    return name.startswith(_STACK)
+
+
+def stack_file(name: str) -> Path:
+    """Return the file of a stack's name."""
+    return Path(name.removeprefix(_STACK))

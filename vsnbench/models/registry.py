@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.names import class_of, is_address, known_models
+from vsnbench.models.names import class_of, is_address, is_stack, known_models, stack_file
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.plugins import import_factory, unknown_name
 from vsnbench.runtime.floating_point import floating_point_restored
@@ -29,7 +29,7 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
 
     Args:
         name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, `package.module:Class`, or the
-            address of a served one, `ws://host:port`.
+            address of a served one, `ws://host:port`, or `stack:FILE.yaml`.
         isolation: settings of the separate process in which to start the model; None for this process.
         options: arguments of the policy's constructor.
 
@@ -38,6 +38,12 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
         ModelError: the class cannot be imported or instantiated, or is not a policy.
     """
     if isolation is not None:
+        if is_stack(name):
+            raise UsageError(
+                f"--isolate: {name} is no code that runs in a process of vsnbench",
+                advice="leave --isolate out",
+                code="unknown-model-option",
+            )
         from vsnbench.models.remote.isolation import IsolatedPolicy
 
         return IsolatedPolicy(name, options, isolation)
@@ -115,6 +121,10 @@ def locate(name: str) -> tuple[str, Any]:
         from vsnbench.models.remote.policy import RemotePolicy
 
         return name, partial(RemotePolicy, name)
+    if is_stack(name):
+        from vsnbench.models.stack.policy import StackPolicy
+
+        return name, partial(StackPolicy, stack_file(name))
     where = class_of(name)
     if ":" not in where:
         raise unknown_name("model", name, known_models())

@@ -1,4 +1,4 @@
-"""Writes the package of a new model from templates."""
+"""Writes the package of a new model, or the file of a stack, from templates."""
 
 import keyword
 import re
@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vsnbench.errors import UsageError
 from vsnbench.files.home import expanded
+from vsnbench.models.stack.file import ANNOTATED_EXAMPLE, NAME_PATTERN
 
 _TEMPLATES = Path(__file__).with_name("starter")
 _FILES = {
@@ -59,3 +60,27 @@ def write_model_package(directory: Path) -> tuple[str, list[Path]]:
     except OSError as error:
         raise UsageError(f"cannot write {target}: {error.strerror}") from error
     return f"{package}.policy:{class_name}", files
+
+
+def write_stack_file(path: Path) -> Path:
+    """Write the commented file of a stack, which is named after it: `theirs` becomes `theirs.yaml`.
+
+    Raises:
+        UsageError: the name is not suitable, or the file exists or cannot be written.
+    """
+    target = expanded(path.with_name(f"{path.name.removesuffix('.yaml')}.yaml"))
+    if not re.match(NAME_PATTERN, target.stem):
+        raise UsageError(
+            f"{path}: {target.stem!r} cannot be the name of a stack",
+            advice="use letters, digits, points, hyphens and underscores: vsnbench models new --stack theirs",
+            code="invalid-model-name",
+        )
+    text = ANNOTATED_EXAMPLE.read_text(encoding="utf-8").replace("THIS-FILE.yaml", target.name)
+    try:
+        with target.open("x", encoding="utf-8") as file:
+            file.write(text.replace("name: my-stack ", f"name: {target.stem} "))
+    except FileExistsError as error:
+        raise UsageError(f"{target} exists", advice="name a new file", code="not-empty") from error
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}") from error
+    return target

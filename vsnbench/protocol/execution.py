@@ -1,11 +1,12 @@
-"""Continuous execution: the robot drives on while the model thinks.
+"""Executions in which the robot drives on: while the model thinks, or because a stack drives it.
 
-The model is called with the newest observation whenever it is free. Its answer takes effect when it arrives, and
-replaces the running path without a stop. In stop-and-go execution, the default, the robot rests while the model thinks.
+In continuous execution, the model is called with the newest observation whenever it is free. Its answer takes effect
+when it arrives, and replaces the running path without a stop. A stack commands the base itself: it is watched, and
+nobody asks it for decisions. In stop-and-go execution, the default, the robot rests while the model thinks.
 """
 
 from collections.abc import Mapping
-from typing import Any, Final, Self
+from typing import Any, Final, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -21,12 +22,16 @@ from vsnbench.values.action import ActionKind
 
 STOP_AND_GO: Final = "stop_and_go"
 CONTINUOUS: Final = "continuous"
-"""The two words for how trials are executed, in records and reports."""
+STACK: Final = "stack"
+"""The three words for how trials are executed, in records and reports."""
 MEASURED: Final = "measured"
 KINDS_WHILE_DRIVING: Final = frozenset(
     {ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY, ActionKind.PIXEL}
 )
 """Kinds of answers that can replace a running path. Discrete actions, moves and chunks go from rest to rest."""
+STACK_RATE_HZ: Final = 2.0
+STACK_FRAMES_HZ: Final = 5.0
+"""Rates of the images of a trial with a stack, where the protocol states none: with depth, and of the film."""
 SECONDS_PER_ACTION: Final = 2.0
 """Time that a continuous trial has for each action of `max_actions`, where the protocol has no time limit. A move of
 0.25 m at 0.3 m/s takes 1.4 s, a turn of 30 degrees at 0.5 rad/s 1.7 s."""
@@ -34,7 +39,7 @@ _OPTION = "--continuous"
 
 
 class Execution(BaseModel):
-    """Parameters of continuous execution."""
+    """Parameters of an execution in which the robot drives on."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -50,13 +55,25 @@ class Execution(BaseModel):
         default=None, gt=0, le=30, description="rate of images that are kept between the answers; none: no others"
     )
 
+    driver: Literal["model", "stack"] = Field(
+        default="model",
+        description="who commands the base: vsnbench, as a model answers, or a stack that drives itself",
+    )
+
     @model_serializer(mode="wrap")
     def _omit_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Omit defaults of fields that were added later, so that hashes of campaigns do not change."""
         content: dict[str, Any] = serialize(self)
         if self.frames_hz is None:
             content.pop("frames_hz", None)
+        if self.driver == "model":
+            content.pop("driver", None)
         return content
+
+    @property
+    def is_by_stack(self) -> bool:
+        """Whether a stack drives the robot, and vsnbench only watches."""
+        return self.driver == STACK
 
     @property
     def text(self) -> str:
@@ -97,13 +114,15 @@ def parse_continuous(text: str) -> Execution:
 
 def text_of_execution(protocol: Mapping[str, Any]) -> str:
     """Return how trials under recorded parameters were executed, such as `continuous, latency 0.3 s`."""
-    if execution_of(protocol) == STOP_AND_GO:
-        return STOP_AND_GO
+    if (word := execution_of(protocol)) != CONTINUOUS:
+        return word
     latency_s = protocol["execution"].get("latency_s")
     return f"{CONTINUOUS}, {'measured latency' if latency_s is None else f'latency {latency_s:g} s'}"
 
 
 def execution_of(protocol: Mapping[str, Any]) -> str:
     """Return how trials under recorded parameters were executed, in one word."""
-    is_of_mapping = isinstance(protocol, Mapping) and isinstance(protocol.get("execution"), Mapping)
-    return CONTINUOUS if is_of_mapping else STOP_AND_GO
+    execution = protocol.get("execution") if isinstance(protocol, Mapping) else None
+    if not isinstance(execution, Mapping):
+        return STOP_AND_GO
+    return STACK if execution.get("driver") == STACK else CONTINUOUS

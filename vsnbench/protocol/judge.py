@@ -204,15 +204,17 @@ def judge(
     Raises:
         ValueError: a STOP has no distance.
     """
+    by_stack = parameters.execution is not None and parameters.execution.is_by_stack  # it has no actions
+    at, after = ("", "") if by_stack else (f" at action {actions}", f" after {counted(actions, 'action')}")
     if not end_reason.is_result:
         return Verdict(end_reason, None, f"void: {_VOID_TEXT[end_reason]}; the trial must be run again", distance)
     if end_reason is EndReason.COLLISION:
-        return Verdict(end_reason, False, f"failed: collision at action {actions}", distance)
+        return Verdict(end_reason, False, f"failed: collision{at}", distance)
     limit = parameters.action_limit
     if end_reason is EndReason.STEP_LIMIT or (limit is not None and actions >= limit):
         return Verdict(EndReason.STEP_LIMIT, False, f"failed: cap of {counted(actions, 'action')} reached", distance)
     if end_reason.is_limit:
-        return Verdict(end_reason, False, f"failed: {limit_text(end_reason, parameters)} at action {actions}", distance)
+        return Verdict(end_reason, False, f"failed: {limit_text(end_reason, parameters)}{at}", distance)
     if distance is None:
         raise ValueError("an episode that ended with STOP needs a distance to the goal")
     near = distance.is_under(parameters.success_distance_m)
@@ -223,7 +225,7 @@ def judge(
     elif not distance.in_sight:
         comparison = "behind a wall: no instance is in sight"
     text = (
-        f"{'success' if near else 'failed'}: STOP after {counted(actions, 'action')}, {far} m from "
+        f"{'success' if near else 'failed'}: STOP{after}, {far} m from "
         f"{distance.instance or 'the goal'} ({distance.source}), {comparison}"
     )
     return Verdict(end_reason, near, text, distance)

@@ -15,7 +15,15 @@ from pydantic import (
 )
 
 from vsnbench.errors import UsageError
-from vsnbench.protocol.execution import CONTINUOUS, SECONDS_PER_ACTION, STOP_AND_GO, Execution
+from vsnbench.protocol.execution import (
+    CONTINUOUS,
+    SECONDS_PER_ACTION,
+    STACK,
+    STACK_FRAMES_HZ,
+    STACK_RATE_HZ,
+    STOP_AND_GO,
+    Execution,
+)
 from vsnbench.values.action import Action
 from vsnbench.values.movement import Move
 from vsnbench.values.placement import PlacementTolerance
@@ -86,7 +94,7 @@ class ProtocolParameters(BaseModel):
     placement: PlacementTolerance = Field(default_factory=PlacementTolerance, description="tolerance of a placed robot")
     execution: Execution | None = Field(
         default=None,
-        description="continuous: the robot drives on while the model thinks; none: it rests (stop_and_go)",
+        description="the robot drives on: while the model thinks, or driven by a stack; none: it rests (stop_and_go)",
     )
 
     @field_validator("execution", mode="before")
@@ -147,6 +155,18 @@ class ProtocolParameters(BaseModel):
                 code="invalid-latency",
             )
         return self.model_validate({**content, "execution": merged})
+
+    def driven_by_stack(self) -> Self:
+        """Return these parameters for a stack, which drives the robot itself, without the depth guard.
+
+        The rates of images are those of `execution`, or defaults where it states none.
+        """
+        stated = Execution(max_rate_hz=STACK_RATE_HZ) if self.execution is None else self.execution
+        rates = {"max_rate_hz": stated.max_rate_hz, "frames_hz": stated.frames_hz or STACK_FRAMES_HZ}
+        execution = {"driver": STACK, **rates}
+        content = {name: value for name, value in self.model_dump().items() if name != "version"}
+        guard = {**self.depth_guard.model_dump(), "enabled": False}
+        return self.model_validate({**content, "execution": execution, "depth_guard": guard})
 
     @property
     def time_limit_s(self) -> float | None:

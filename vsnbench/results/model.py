@@ -57,7 +57,7 @@ class Episode:
         "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
     execution: str = quantity(
-        "`stop_and_go`, or `continuous`: the robot drives on while the model thinks",
+        "`stop_and_go`, `continuous`: the robot drives on while the model thinks, or `stack`: a stack drives it",
         tables.CampaignRow.protocol,
         decode=execution_of,
     )
@@ -277,7 +277,7 @@ class Campaign:
         "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
     execution: str = quantity(
-        "`stop_and_go`, or `continuous`: the robot drives on while the model thinks",
+        "`stop_and_go`, `continuous`: the robot drives on while the model thinks, or `stack`: a stack drives it",
         tables.CampaignRow.protocol,
         decode=execution_of,
     )

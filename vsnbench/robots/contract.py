@@ -80,6 +80,9 @@ class Robot(ABC):
     """Whether it can drive while a model thinks. Only a base that takes velocity commands can. If False, it need not
     implement `follow`, `advance` and `come_to_rest`: continuous execution is refused before the first trial."""
 
+    can_be_watched: bool = False
+    """Whether a stack can drive it, which commands velocities itself: `advance` is then called without `follow`."""
+
     needs_operator: bool = False
     """Whether an operator must put the robot at the start of every episode, before `begin`."""
 
@@ -101,6 +104,16 @@ class Robot(ABC):
     def battery(self) -> Battery | None:
         """Last battery report; None if there is none. Read from any thread."""
         return None
+
+    @property
+    def commanded(self) -> tuple[float, float] | None:
+        """Velocity that a stack commands now, m/s and rad/s; None if no stack drives, or if it is not known."""
+        return None
+
+    @property
+    def driven_against(self) -> str:
+        """Who commanded velocities when the robot was last brought to rest, and went on; empty if nobody did."""
+        return ""
 
     def wait_until_ready(self) -> None:
         """Wait until every part of the robot answers. Called before the operator is asked to place the robot.

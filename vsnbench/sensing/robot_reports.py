@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.errors import RobotError, SensorLostError
 from vsnbench.sensing.hazards import Hazard
 from vsnbench.sensing.images.camera_images import Stamped
@@ -75,6 +76,8 @@ class RobotSnapshot:
     """What a discrete_move of vsnbench reports of the last movement."""
     steered_s: float = -math.inf
     """Time of the last velocity of another node (monotonic clock)."""
+    commanded: Command = STANDSTILL
+    """That velocity."""
     driven_s: float = -math.inf
     """Time of the last non-zero velocity of another node."""
     driven_by: str = ""
@@ -214,18 +217,19 @@ class RobotReports:
             calibrations = MappingProxyType({**known, image_topic: calibration})
             self._update(lambda _: {"calibrations": calibrations})
 
-    def take_command(self, source: str, *, moves: bool, rival: bool) -> None:
+    def take_command(self, source: str, command: Command, *, rival: bool) -> None:
         """Take a velocity of another node.
 
         Args:
             source: the node.
-            moves: whether the velocity is not zero.
+            command: the velocity.
             rival: whether the node does not execute movements of this session.
         """
         now_s = time.monotonic()
+        moves = command != STANDSTILL
         driven = {"driven_s": now_s, "driven_by": source} if moves else {}
         rivalled = {"rival_s": now_s, "rival": source} if moves and rival else {}
-        self._update(lambda _: {"steered_s": now_s, **driven, **rivalled})
+        self._update(lambda _: {"steered_s": now_s, "commanded": command, **driven, **rivalled})
 
     def take_own_command(self) -> None:
         """Take that this process commanded a velocity."""

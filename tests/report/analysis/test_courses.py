@@ -7,7 +7,8 @@ import pytest
 
 from tests.report.records import Attempt, Lab, measured, step
 from vsnbench.protocol.course import Stage
-from vsnbench.protocol.judge import EndReason
+from vsnbench.protocol.judge import EndReason, success_region
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis import courses
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.courses import measure_courses, measures_of
@@ -16,9 +17,10 @@ from vsnbench.report.build import build, read
 from vsnbench.report.comparison.compare import compare
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
+from vsnbench.sites.site import load_site
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
-from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 
@@ -122,3 +124,28 @@ def test_progress_is_compared_by_whole_starting_positions(lab: Lab) -> None:
     assert "thinking time (s)" not in effects, "the simulator's clock excludes it"
     (without,) = compare(record, summarise(record), ["ahead", "behind"])
     assert "minimum clearance (m)" not in {effect.measure for effect in without.effects}
+
+
+@pytest.mark.parametrize(
+    ("places", "touched", "expected"),
+    [
+        ((LIVING, "goal", LIVING), "", True),
+        ((LIVING, LIVING), "", False),
+        ((LIVING, "goal"), "a wall", False),  # STOP does not succeed after the collision
+        (("goal", LIVING), "a wall", True),
+    ],
+)
+def test_oracle_success_is_that_stop_would_have_succeeded_on_the_way(
+    lab: Lab, places: tuple[Pose | str, ...], touched: str, expected: bool
+) -> None:
+    reaching = success_region(load_site("apartment"), "bed", ProtocolParameters()).representative_point()
+    steps = walk(*(Pose(reaching.x, reaching.y) if place == "goal" else place for place in places))
+    if touched:
+        collision = Collision(CollisionSource.CONTACT, touched)
+        steps[-1] = replace(steps[-1], result=replace(steps[-1].result, completed=False, collision=collision))
+    failed = replace(attempt(1, success=False), steps=steps)
+    lab.write([failed, attempt(2, success=True)])
+    found, (summary,) = measure_courses(lab.engine(), read(lab.url, Selection()))
+    assert found["oracle_success"].tolist() == [expected, True]
+    assert summary["mean_oracle_success"] == (1 + expected) / 2
+    assert measures_of(lab.engine(), episode_record(lab.engine(), 1)).oracle_success is expected

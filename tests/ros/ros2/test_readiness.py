@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 from types import SimpleNamespace
 
+from vsnbench.control.command import Command
 from vsnbench.robots.profiles import load_profile
 from vsnbench.ros.ros2.docking import Dock
 from vsnbench.ros.ros2.graph import Endpoint
@@ -83,7 +84,7 @@ def test_two_publishers_of_one_topic_are_a_fault() -> None:
 
 def test_another_driving_node_is_waited_for() -> None:
     robot = Robot()
-    robot.reports.take_command("/joystick", moves=True, rival=True)
+    robot.reports.take_command("/joystick", Command(0.1), rival=True)
     assert robot.fault() == "base-is-driven"
 
 

@@ -17,7 +17,7 @@ from vsnbench.cli.support.options import Protocol, configured_option
 from vsnbench.cli.support.output import Json, print_files, print_json, without_prints_of_models
 from vsnbench.cli.support.terminal import safe
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT
-from vsnbench.errors import ModelError
+from vsnbench.errors import ModelError, UsageError
 from vsnbench.text.terminal import Console
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True)
 
-ModelName = Annotated[str, typer.Argument(help="Name of a model, or package.module:Class.", metavar="MODEL")]
+ModelName = Annotated[
+    str, typer.Argument(help="Name of a model, package.module:Class, or stack:FILE.yaml.", metavar="MODEL")
+]
 
 
 @app.command()
@@ -35,18 +37,30 @@ def new(
     directory: Annotated[
         Path, typer.Argument(help="New directory; its name becomes the name of the model.", metavar="DIR")
     ],
+    stack: Annotated[
+        bool, typer.Option("--stack", help="Write the commented file DIR.yaml of a stack that drives itself instead.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Create a package with a working model, its settings, tests and README.
+    """Create a package with a working model, its settings, tests and README; or the file of a stack.
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
         vsnbench models new mine
         cd mine
         vsnbench run --model mine.policy:Mine --goal chair --starts 1 --watch
-    """
-    from vsnbench.models.starting import write_model_package
 
+        vsnbench models new --stack theirs
+        vsnbench models show stack:theirs.yaml
+    """
+    from vsnbench.models.starting import write_model_package, write_stack_file
+
+    if stack:
+        file = write_stack_file(directory)
+        model = f"stack:{file}"
+        print_files([file], as_json=as_json, model=model)
+        typer.echo(f"next: edit {shlex.quote(str(file))}, then vsnbench models show {shlex.quote(model)}", err=True)
+        return
     model, files = write_model_package(directory)
     print_files(files, as_json=as_json, model=model)
     typer.echo(f"next: cd {shlex.quote(str(directory))} && vsnbench models check {model}", err=True)
@@ -98,8 +112,10 @@ def show(name: ModelName, as_json: Json = False) -> None:
 
         vsnbench models show pirlnav
         vsnbench models show mylab.policy:Policy --json
+        vsnbench models show stack:theirs.yaml
     """
     from vsnbench.models.description import describe_model
+    from vsnbench.models.names import is_stack
 
     with without_prints_of_models(as_json=as_json):
         model = describe_model(name)
@@ -108,7 +124,8 @@ def show(name: ModelName, as_json: Json = False) -> None:
         return
     console = Console()
     console.print(f"[bold]{escape(model.name)}[/bold]: {escape(model.summary)}\n", highlight=False)
-    rows = [("class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
+    is_file = is_stack(name)
+    rows = [("file" if is_file else "class", model.where), ("goals", _goals(model)), *card_rows(model.card)]
     if sensors := _sensors(model):
         rows.append(("sensors", ", ".join(sensors)))
     flags, others = _keywords(model)
@@ -169,7 +186,7 @@ def check(
     """
     from vsnbench.models.description import describe_model
     from vsnbench.models.fit.camera import camera_differences
-    from vsnbench.models.names import is_address
+    from vsnbench.models.names import is_address, is_stack
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
     from vsnbench.robots.registry import profile_of
@@ -181,6 +198,12 @@ def check(
 
         print_findings(check_server(name, model_config, parameters, profile), as_json=as_json)
         return
+    if is_stack(name):
+        raise UsageError(
+            f"{name} is not asked for decisions, so there is nothing to check",
+            advice=f"check its file with vsnbench models show {name}",
+            code="stack-not-watched",
+        )
     with without_prints_of_models(as_json=as_json):
         can_check = describe_model(name).can_check
     if not can_check:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from vsnbench.report.analysis.courses import CourseMeasures
     from vsnbench.results.goals import RecordedGoal
-    from vsnbench.results.model import EpisodeRecord
+    from vsnbench.results.model import EpisodeProvenance, EpisodeRecord
     from vsnbench.text.terminal import Console
     from vsnbench.values.step import StepRecord
 
@@ -31,8 +31,13 @@ def print_page(
     every_step: bool,
 ) -> None:
     """Print an episode; `directory` holds its images, or is None without images."""
+    from vsnbench.protocol.execution import STACK
+
     _print_summary(console, episode, measures, directory)
-    _print_actions(console, steps)
+    if episode.execution == STACK:
+        _print_looks(console, steps)
+    else:
+        _print_actions(console, steps)
     if every_step:
         _print_steps(console, steps)
     _print_judgement(console, episode)
@@ -60,6 +65,11 @@ def _course_rows(progress: float | None, measures: "CourseMeasures") -> list[tup
     """Return how far the robot came, and how; nothing of what is unknown."""
     parts = {
         "progress": "" if progress is None else f"{100 * progress:.0f} % of the shortest path",
+        "oracle success": ""
+        if measures.oracle_success is None
+        else "STOP would have succeeded on the way"
+        if measures.oracle_success
+        else "STOP would have succeeded nowhere on the way",
         "furthest stage": measures.stage.value if measures.stage else "",
         "clearance": ""
         if measures.clearance_min_m is None
@@ -74,7 +84,7 @@ def _course_rows(progress: float | None, measures: "CourseMeasures") -> list[tup
 def _print_summary(
     console: "Console", episode: "EpisodeRecord", measures: "CourseMeasures", directory: Path | None
 ) -> None:
-    from vsnbench.protocol.execution import CONTINUOUS, text_of_execution
+    from vsnbench.protocol.execution import STACK, STOP_AND_GO, text_of_execution
 
     color = COLORS[episode.outcome]
     note = "; it does not count for its trial" if episode.state in ("void", "superseded") else ""
@@ -95,8 +105,8 @@ def _print_summary(
             "ended with",
             safe(episode.end_reason or "still running") + (f": {safe(episode.error)}" if episode.error else ""),
         ),
-        *([("execution", text_of_execution(episode.provenance.protocol))] if episode.execution == CONTINUOUS else []),
-        ("actions", str(episode.actions)),
+        *([("execution", text_of_execution(episode.provenance.protocol))] if episode.execution != STOP_AND_GO else []),
+        *([] if episode.execution == STACK else [("actions", str(episode.actions))]),
         ("distance to goal", (metres(episode.distance_m, episode.success_distance_m) or "unknown") + source),
         *_course_rows(episode.progress, measures),
         (
@@ -143,6 +153,14 @@ def _session_and_placement(episode: "EpisodeRecord") -> "list[tuple[str, str]]":
 
 def _seconds(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.1f} s"
+
+
+def _print_looks(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
+    """Print how often a stack was looked at, and what was taken as its STOP."""
+    from vsnbench.values.action import Action
+
+    source = next((step.raw_action for step in steps if step.action is Action.STOP), "none")
+    console.print(f"  {'looks':<17} {len(steps)}; STOP: {safe(source)}", soft_wrap=True)
 
 
 def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
@@ -225,6 +243,16 @@ def _print_judgement(console: "Console", episode: "EpisodeRecord") -> None:
         )
 
 
+def _identity_row(provenance: "EpisodeProvenance") -> tuple[str, str]:
+    """Return what exactly the model was: its weights, or version, commit and file of a stack."""
+    from vsnbench.protocol.execution import STACK
+
+    if (file := provenance.model_files.get(STACK)) is None:
+        return "weights", f"{provenance.weights_label} {provenance.weights_sha256[:12]}".strip() or "none"
+    commit = provenance.model_code.get("commit", "")
+    return "stack", f"{provenance.weights_label}{f', commit {commit}' if commit else ''}, file {file[:12]}"
+
+
 def _print_provenance(console: "Console", episode: "EpisodeRecord") -> None:
     provenance = episode.provenance
     git = (
@@ -232,14 +260,13 @@ def _print_provenance(console: "Console", episode: "EpisodeRecord") -> None:
         if provenance.git_commit
         else ""
     )
-    weights = f"{provenance.weights_label} {provenance.weights_sha256[:12]}".strip() or "none"
     console.print("\n[bold]Provenance[/] (--json has all of it)")
     rows = [
         ("vsnbench", f"{provenance.vsnbench_version}{git}, Python {provenance.platform.get('python', '')}"),
         ("machine", f"{provenance.host}, {provenance.platform.get('processor', '')}"),
         ("model ran on", _runs_on(provenance.platform)),
         ("operator", provenance.operator),
-        ("weights", weights),
+        _identity_row(provenance),
         ("settings", ", ".join(f"{name}={value}" for name, value in provenance.model_settings.items()) or "none"),
         ("site", provenance.site_sha256[:12]),
         ("protocol", provenance.protocol_sha256[:12]),

@@ -121,6 +121,10 @@ class CroppedPolicy(Policy):
         left, top = (camera.width - crop.width) // 2, (camera.height - crop.height) // 2
         return _shifted(checked_decision(self._policy.act(self._cropped(observation, crop))), left, top)
 
+    def end_episode(self) -> None:
+        """Pass the end of the episode on."""
+        self._policy.end_episode()
+
     def close(self) -> None:
         """Close the policy."""
         self._policy.close()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Engine, func, select
 
+from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.judge import MODEL_FAILURES, ROBOT_FAILURES, EndReason
 from vsnbench.report.analysis.conditions import Selection, read_conditions
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
@@ -53,8 +54,8 @@ def read_actions(engine: Engine, selection: Selection) -> Rows:
     """Count the actions of the counted episodes."""
     with record_errors(engine), engine.connect() as connection:
         conditions, condition_of = read_conditions(connection, selection)
-        # A model can be recognized by its actions: blinded arms are left out.
-        seen = {condition.number for condition in conditions if not condition.blind}
+        # A model can be recognized by its actions: blinded arms are left out. A stack has none.
+        seen = {condition.number for condition in conditions if not condition.blind and condition.execution != STACK}
         condition_of = {campaign: number for campaign, number in condition_of.items() if number in seen}
         if not condition_of:
             return ()

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import Connection, or_, select
 
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
-from vsnbench.protocol.execution import STOP_AND_GO, execution_of, text_of_execution
+from vsnbench.protocol.execution import STACK, STOP_AND_GO, execution_of, text_of_execution
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
 from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
@@ -102,7 +102,7 @@ class Condition:
 
     @property
     def execution(self) -> str:
-        """`stop_and_go` or `continuous`; only equal ones compare numbers of actions."""
+        """`stop_and_go`, `continuous` or `stack`; only equal ones compare numbers of actions."""
         return execution_of(self.protocol)
 
     @property
@@ -134,6 +134,7 @@ class Condition:
     def description(self) -> str:
         """Footnote to the name: robot, site, protocol and differing settings."""
         weights = f" ({self.weights_sha256[:8]})" if self.weights_sha256 else ""
+        label = "" if self.execution == STACK else "weights: "
         parts = [
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
@@ -146,7 +147,7 @@ class Condition:
             f"answers: {', '.join(self.action_kinds)}" if self.action_kinds != _DISCRETE else "",
             "sensor noise on" if self.noisy else "",
             f"disturbed: {self.disturbed}" if self.disturbed else "",
-            f"weights: {self.weights_label}{weights}" if self.weights_label else "",
+            f"{label}{self.weights_label}{weights}" if self.weights_label else "",
             f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
             "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",

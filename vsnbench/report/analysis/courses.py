@@ -31,8 +31,8 @@ MIN_EXAMINED = 50
 """Number of episodes examined of a condition even where there are many conditions."""
 _PART = 100
 """Courses in memory at a time."""
-MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m", "waiting_s")
-"""Numeric columns of `measure_courses`."""
+MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m", "waiting_s", "oracle_success")
+"""Columns of `measure_courses` that have a mean, in the order of `CourseMeasures`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,10 @@ class CourseMeasures:
     heading_change_deg_per_m: float | None = quantity("change of heading in degrees per metre of path")
     waiting_s: float | None = quantity(
         "time at rest without a path, waiting for an answer", absent="where the robot rests while the model thinks"
+    )
+    oracle_success: bool | None = quantity(
+        "STOP would have succeeded at the start or after any action before a collision; true for a success",
+        absent="if the poses, the site or the goal are unknown",
     )
 
 
@@ -179,7 +183,17 @@ def _measure(
         clearance_p5_m=clearance.low_m if clearance else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
         waiting_s=course.waiting_s if course else None,
+        oracle_success=_oracle_success(course, approach, succeeded),
     )
+
+
+def _oracle_success(course: Course | None, approach: Approach | None, succeeded: bool) -> bool | None:
+    """Return whether STOP would have succeeded at any pose; after a collision, none does."""
+    if succeeded:
+        return True
+    if course is None or approach is None:
+        return None
+    return bool((approach.reached[:-1] if course.touched else approach.reached).any())
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
 
+from vsnbench.protocol.execution import STACK
 from vsnbench.report.analysis.conditions import Condition, Selection, read_conditions
 from vsnbench.report.analysis.efficiency import add_times, progress_of, soft_spl_of, spl_of
 from vsnbench.results.fields import Field, Fields
@@ -300,6 +301,8 @@ def _whole(
         columns[name] = _coded(columns[name], codes.get(name, {}), categories)
     own, places = np.unique(campaigns, return_inverse=True)
     columns["condition"] = np.array([condition_of[number] for number in own.tolist()], np.int64)[places]
+    if stacks := [condition.number for condition in conditions if condition.execution == STACK]:
+        columns["actions"] = np.where(np.isin(columns["condition"], stacks), np.nan, columns["actions"])
     columns["progress"] = progress_of(columns)
     columns["spl"] = spl_of(columns)
     columns["soft_spl"] = soft_spl_of(columns)

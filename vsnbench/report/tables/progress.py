@@ -11,7 +11,7 @@ from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailurePlace
 from vsnbench.report.analysis.summary import ReportResults
-from vsnbench.report.measures import COUNT, COUNTS, TEXT, Form, Measure, Measures, decimals
+from vsnbench.report.measures import COUNT, COUNTS, TEXT, Form, Measure, Measures, decimals, percents
 from vsnbench.report.table import ReportTable, TableCell, without_empty_columns
 from vsnbench.report.tables.activity import MODEL
 from vsnbench.report.tables.success import SUMMARY
@@ -48,6 +48,13 @@ _LOW = "5th percentile of that distance over the path, mean of the episodes"
 COURSES = Measures(
     MODEL,
     Measure("", decimals(3), _COVERED, "progress", heading="progress"),
+    Measure("", percents(), "success rate of all counted episodes", "success_rate", heading="SR %"),
+    Measure(
+        "mean_oracle_success",
+        percents(),
+        "oracle success: share of the examined episodes in which STOP would have succeeded at any pose",
+        heading="oracle SR %",
+    ),
     Measure("examined", COUNT, "number of examined episodes"),
     Measure("stages", COUNTS, "furthest stage → number of examined episodes"),
     *(_stage(stage, note) for stage, note in _STAGES.items()),

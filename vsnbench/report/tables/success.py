@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.metrics import TRIVIAL_M
 from vsnbench.report.analysis.conditions import footnotes
@@ -177,6 +178,10 @@ SUMMARY = Measures(
     Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
+_WITHOUT_ACTIONS = SUMMARY.in_columns(
+    *(each.heading for each in SUMMARY.shown if not each.key.startswith("mean_actions"))
+)
+"""The same for a stack that drives itself, which has no actions."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"
 GROUP = Measures.shared(
     "summary",
@@ -219,17 +224,18 @@ def overview_table(results: ReportResults) -> ReportTable:
 
 def goal_table(summary: ConditionSummary) -> ReportTable:
     """Return success by goal under one condition (paper, Tables 4 and 5)."""
-    rows = [SUMMARY.row(group, TableCell(group.title)) for group in summary.goals]
+    measures = _measures_of(summary)
+    rows = [measures.row(group, TableCell(group.title)) for group in summary.goals]
     totals = [(f"{group.kind} goals", group) for group in summary.kinds]
     if len(summary.goals) != 1:  # the total of one goal is its row
         totals.append(("all", summary.total))
     if summary.shared and len(summary.goals) > 1:
         totals.append((f"shared: {listed(summary.shared_goals)}", summary.shared))
-    rows += [SUMMARY.row(group, TableCell(name), total=True) for name, group in totals]
+    rows += [measures.row(group, TableCell(name), total=True) for name, group in totals]
     return ReportTable(
         name=f"goals-{summary.condition.number}",
         title=f"{summary.condition.name}: success by goal",
-        columns=(Column("goal", number=False), *SUMMARY.columns),
+        columns=(Column("goal", number=False), *measures.columns),
         rows=tuple(rows),
         notes=(summary.condition.description, *_caveats(summary.total)),
         condition=summary.condition.number,
@@ -238,17 +244,21 @@ def goal_table(summary: ConditionSummary) -> ReportTable:
 
 def start_table(summary: ConditionSummary) -> ReportTable:
     """Return success by starting position under one condition."""
-    never = summary.never_succeeding
+    never, measures = summary.never_succeeding, _measures_of(summary)
     return ReportTable(
         name=f"starts-{summary.condition.number}",
         title=f"{summary.condition.name}: success by starting position",
-        columns=(Column("start"), *SUMMARY.columns),
+        columns=(Column("start"), *measures.columns),
         rows=tuple(
-            SUMMARY.row(group, TableCell(str(group.start), group.start)) for group in summary.starts if group.start
+            measures.row(group, TableCell(str(group.start), group.start)) for group in summary.starts if group.start
         ),
         notes=(f"Positions without a success: {listed(never)}.",) if summary.total.episodes else (),
         condition=summary.condition.number,
     )
+
+
+def _measures_of(summary: ConditionSummary) -> Measures:
+    return _WITHOUT_ACTIONS if summary.condition.execution == STACK else SUMMARY
 
 
 def _caveats(total: Group) -> list[str]:

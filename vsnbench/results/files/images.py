@@ -95,7 +95,9 @@ class EpisodeImages:
             path, jpeg = film_path(self._directory, number, place), encode_jpeg(frame.rgb)
             path.parent.mkdir(exist_ok=True)
             write_atomic(path, jpeg)
-            written.append(RecordedFrame(StampedPose(frame.stamp_s, frame.pose), file_digest(jpeg), jpeg))
+            written.append(
+                RecordedFrame(StampedPose(frame.stamp_s, frame.pose), file_digest(jpeg), jpeg, frame.commanded)
+            )
         return tuple(written)
 
     def finish(self, path: Sequence[StampedPose] = ()) -> None:

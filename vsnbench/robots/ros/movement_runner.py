@@ -57,6 +57,10 @@ class MovementRunner:
         """Odometry at the begin of the movement after the last observation; None before it begins."""
         self.outcome: MotionResult | None = None
         """What discrete_move reported of the last movement; None for a server that does not report it."""
+        self.others_drive = False
+        """Whether velocities of other publishers are expected, because a stack drives the robot."""
+        self.driven_against = ""
+        """Who still drove when the base was last held, or an empty string."""
         self._movement: Drive = STOP
         self._moving = False
         self._requested_s = 0.0
@@ -194,6 +198,7 @@ class MovementRunner:
     def begin_to_watch(self) -> None:
         """Allow others to steer the base, and count what is reported from now on; see `require_no_alarm`."""
         self._requested_s = self._checked_s = self._listening_since_s = time.monotonic()
+        self.driven_against = ""
         self._link.release()
 
     def _check(self, before: Pose, looks: PathLooks | None) -> None:
@@ -243,7 +248,7 @@ class MovementRunner:
             raise MovementAlarmError(f"{hazard.value} ({where})")
         if now.contact:
             raise MovementAlarmError(f"touched {now.contact}")
-        if now.rival_s > self._requested_s:
+        if now.rival_s > self._requested_s and not self.others_drive:
             raise MovementAlarmError(rival_text(now.rival, names.command))
         if now.odometry_fault:
             raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)
@@ -274,6 +279,7 @@ class MovementRunner:
             if now.odometry_age_s(time.monotonic()) > _ODOMETRY_TIMEOUT_S:
                 logger.warning("without odometry it is not known whether the base is at rest: look at it")
             else:
+                self.driven_against = now.driven_by
                 logger.warning("%s still drives: the base is held at zero velocity; end that node", now.driven_by)
         self._link.stand_still()
 

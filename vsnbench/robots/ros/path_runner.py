@@ -2,7 +2,8 @@
 
 The thread repeats the newest order (`PathOrder`) to what steers the base, looks at each new depth image, and stops the
 base for what also ends a movement: hazards, lost odometry, other publishers, a server that hangs. When this process
-ends, nothing repeats the order, and the base stops by itself.
+ends, nothing repeats the order, and the base stops by itself. Where a stack drives the robot there are no orders: the
+thread only watches, and holds the base at zero velocity when the episode has ended.
 """
 
 import logging
@@ -124,7 +125,9 @@ class PathRunner:
     def come_to_rest(self) -> MotionResult:
         """Brake, and return the motion since the last result once the robot is at rest."""
         self._next = None
-        if self._thread is not None and not self._over:
+        if self._movements.others_drive:
+            self._movements.force_standstill()
+        elif self._thread is not None and not self._over:
             order = self._give(PathEnd.BRAKE)
             give_up_s = time.monotonic() + _LONGEST_BRAKING_S
             while not (self._over or self._rests(order)) and time.monotonic() < give_up_s:
@@ -302,5 +305,7 @@ class PathRunner:
                 self._path_m += self._last.distance_to(reading.pose)
                 self._last, self._read_s = reading.pose, reading.stamp_s
         order, state = self._order, self._link.path_state
+        if self._movements.others_drive:
+            return
         if order is None or (self._is_taken(order, state) and state.waits):
             self._waiting_s += self._measured_s - before_s

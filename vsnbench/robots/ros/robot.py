@@ -80,9 +80,11 @@ class RosRobot(Robot):
         self._start: Pose | None = None
         self._link = connect(profile)
         self._continuous = parameters.execution is not None
+        self._by_stack = parameters.execution is not None and parameters.execution.is_by_stack
         self._captured_s = -math.inf
         """Time of the last image of an observation."""
         self.movements = MovementRunner(self._link, self._settings)
+        self.movements.others_drive = self._by_stack
         self._paths = PathRunner(self._link, self.movements)
         self._looks: PathLooks | None = None
         self._simulation: SimulationAccount | None = None
@@ -92,10 +94,12 @@ class RosRobot(Robot):
             if self._link.can_be_placed:
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
-            self.drives_on = self._link.follows_paths
+            self.can_be_watched = bool(self._link.names.command)
+            self.drives_on = self.can_be_watched if self._by_stack else self._link.follows_paths
             if self._continuous and self.drives_on:
                 self._require_timed_images()
-            require_watchdog(self._link, profile)
+            if not self._by_stack:
+                require_watchdog(self._link, profile)
             self.is_rehearsal = self._simulation is not None and self._simulation.is_rehearsal
             self.needs_operator = self._simulation is None or self.is_rehearsal
             self._camera = RosCamera(self._link, profile)
@@ -125,6 +129,21 @@ class RosRobot(Robot):
     def battery(self) -> Battery | None:
         """Last report of the base's battery."""
         return self._link.snapshot().battery
+
+    @property
+    def commanded(self) -> tuple[float, float] | None:
+        """Last velocity of the stack; zero once the base has dropped it."""
+        if not self._by_stack:
+            return None
+        now = self._link.snapshot()
+        is_old = time.monotonic() - now.steered_s > self._link.names.command_timeout_s
+        velocity = (0.0, 0.0) if is_old else (now.commanded.linear_m_s, now.commanded.angular_rad_s)
+        return velocity if all(map(math.isfinite, velocity)) else None
+
+    @property
+    def driven_against(self) -> str:
+        """Node that still commanded velocities when the base was last held."""
+        return self.movements.driven_against
 
     def preview(self) -> npt.NDArray[np.uint8] | None:
         """Return the newest camera image; None if there is no new one."""

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.errors import RobotError
 from vsnbench.ros.common.interface import RosInterface
-from vsnbench.ros.common.messages import moves, planar
+from vsnbench.ros.common.messages import command_of, planar
 from vsnbench.ros.common.readiness import Readiness
 from vsnbench.sensing.path_orders import PathOrder, PathState
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
@@ -229,10 +229,10 @@ class RobotLink(ABC):
 
     def _take_command(self, twist: Any, sender: str, *, rival: bool) -> None:
         """Take a velocity of another node; a held base is commanded to stand still."""
-        drives = moves(twist)
-        if drives:
+        command = command_of(twist)
+        if command != STANDSTILL:
             self._hold.answer()
-        self._reports.take_command(sender, moves=drives, rival=rival)
+        self._reports.take_command(sender, command, rival=rival)
 
     def _take_truth(self, message: Any, stamp_s: float) -> None:
         """Take the pose of a simulated robot in its site."""

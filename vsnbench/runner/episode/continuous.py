@@ -1,7 +1,8 @@
-"""The steps of an episode in which the robot drives on while the model thinks (continuous execution).
+"""The steps of an episode in which the robot drives on: while the model thinks, or driven by a stack.
 
 A step is one answer: the observation that it answers, and what was driven from when it took effect until the next
 answer did. The first step begins with the capture of its image, so that the durations of the steps are the episode's.
+A stack's answers are NOOP while it drives, and STOP.
 """
 
 import time
@@ -73,6 +74,7 @@ class ContinuousStepper(Stepper):
         self._spent = Spent()
         self._before = start
         self._path_guard = PathGuard(robot.identity.profile, plan.parameters, self._map)
+        self._watch = None if self._execution.is_by_stack else self._path_guard
         if robot.now_s() is not None:
             stop.at_once = robot.halt
         self._frame_due_s: float | None = None
@@ -101,7 +103,7 @@ class ContinuousStepper(Stepper):
             running = self._running = replace(first, motion=waited)
         began_s = time.perf_counter()
         if running.decision.action is Action.STOP and not running.stale:
-            self._add(self._robot.come_to_rest())
+            self._come_to_rest()
             return self._step(began_s)
         self._start(running)
         thought_s = 0.0
@@ -113,7 +115,7 @@ class ContinuousStepper(Stepper):
             self._drive_until(self._next.effect_s)
         step, reason = self._step(began_s + thought_s)
         if reason is not None:
-            self._add(self._robot.come_to_rest())
+            self._come_to_rest()
             return self._step(began_s + thought_s)
         return step, reason
 
@@ -131,17 +133,23 @@ class ContinuousStepper(Stepper):
             answered_s = now_s
             effect_s = now_s if self._execution.latency_s is None else max(effect_s, now_s)
             took_s = effect_s - observation.stamp_s
-        stale = took_s > self._execution.max_answer_age_s
+        stale = took_s > self._execution.max_answer_age_s and not self._execution.is_by_stack
         timings = StepTimings(t1 - t0, t2 - t1, None)
         return _Answer(observation, seen, decision, answered_s, effect_s, timings, stale=stale)
 
-    @staticmethod
-    def _decided(decision: Decision) -> Decision:
-        """Return a decision that a robot can execute without a stop.
+    def _come_to_rest(self) -> None:
+        """Tell the model that the episode has ended, and bring the robot to rest."""
+        self._calls.end()
+        self._add(self._robot.come_to_rest())
+
+    def _decided(self, decision: Decision) -> Decision:
+        """Return a decision that a robot can execute without a stop; a stack's commands go another way.
 
         Raises:
             PolicyFailedError: it is another one.
         """
+        if self._execution.is_by_stack:
+            return decision
         if decision.action is Action.STOP or decision.kinds <= KINDS_WHILE_DRIVING:
             return decision
         error = DecisionError(
@@ -153,9 +161,10 @@ class ContinuousStepper(Stepper):
     def _start(self, answer: _Answer) -> None:
         """Let the robot follow an answer, unless it is stale, a pixel without depth, or to a side that is not free.
 
-        A side that is not free ends the running path, as an obstacle ahead does: the robot waits for another answer.
+        A side that is not free ends the running path, as an obstacle ahead does: the robot waits for another answer. A
+        stack has started the robot itself.
         """
-        if answer.stale:
+        if answer.stale or self._execution.is_by_stack:
             return
         movement = self._movement(answer)
         if movement is None:
@@ -190,12 +199,13 @@ class ContinuousStepper(Stepper):
             if not self._advance(self._frame_due_s):
                 return False
             if (rgb := self._robot.preview()) is not None:
-                running.frames.append(FilmFrame(self._now_s(running), self._robot.locate().pose, rgb))
+                pose, commanded = self._robot.locate().pose, self._robot.commanded
+                running.frames.append(FilmFrame(self._now_s(running), pose, rgb, commanded))
             self._frame_due_s += 1 / frames_hz
         return True
 
     def _advance(self, until_s: float) -> bool:
-        result = self._robot.advance(until_s, self._path_guard)
+        result = self._robot.advance(until_s, self._watch)
         self._add(result)
         limit_s = self._plan.parameters.time_limit_s
         has_time = limit_s is None or self._so_far().time_s < limit_s
@@ -263,12 +273,13 @@ class ContinuousStepper(Stepper):
     def _end_motion(self, error: BaseException) -> None:
         """Bring the robot to rest, and keep what it has driven as the last step."""
         if self._running is None:
+            self._calls.end()
             return
         try:
             if isinstance(error, Stopped):
                 self._robot.halt()
                 self._add(self._robot.interrupted_motion() or NOT_BEGUN)
-            self._add(self._robot.come_to_rest())
+            self._come_to_rest()
             step, _ = self._step(time.perf_counter())
         except RobotError:
             self._robot.halt()

@@ -53,6 +53,14 @@ class EpisodeOperator(Protocol):
         """Show the answer."""
         ...
 
+    def show_message(self, text: str) -> None:
+        """Show a line, such as how to start a stack."""
+        ...
+
+    def says_arrived(self) -> bool:
+        """Return whether the operator has said that the robot has arrived."""
+        ...
+
 
 class EpisodeRecorder(Protocol):
     """Records an episode: in the database, as image files, and in a viewer."""
@@ -102,7 +110,7 @@ def run_episode(
         RecordError: the results cannot be written.
     """
     began = time.monotonic()
-    calls = PolicyCalls(policy, stop)
+    calls = PolicyCalls(policy, stop, operator.says_arrived)
     spent = Spent()
     recording = False
     battery = ""
@@ -121,6 +129,8 @@ def run_episode(
             profile = robot.identity.profile.model_copy(update={"camera": view.camera})
             task = task_of(plan.goal, plan.seed, plan.parameters, profile)
             calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
+        if calls.announcement:
+            operator.show_message(calls.announcement)
         reason: EndReason | None = None
         looks = _stop_measurement(robot, plan, here, placed)
         stepper_class = Stepper if plan.parameters.execution is None else ContinuousStepper
@@ -171,6 +181,8 @@ def run_episode(
     outcome = _judged(robot, plan, reason, spent.actions, time.monotonic() - began, error, began=recording)
     if looks is not None:
         outcome = looks.judged(outcome)
+    if recording and robot.driven_against:
+        recorder.event("drives_on", f"{robot.driven_against} drove on after the end; the base was held at rest")
     if outcome.error:
         recorder.event(outcome.verdict.end_reason.value, outcome.error)
     if stopped is not None and stopped.request.author is StopAuthor.PERSON and outcome.proposed:

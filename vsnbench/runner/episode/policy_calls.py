@@ -7,7 +7,7 @@ attempt to end the process, becomes a `PolicyFailedError` of one line. Whether a
 
 import logging
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -37,6 +37,8 @@ logger = logging.getLogger(__name__)
 
 _LONGEST_TRACEBACK = 20_000
 TRACEBACK_TIMEOUT_S = 2.0
+_OPERATOR = "operator"
+"""Source of a STOP that the operator declared, as the model's own name of the action."""
 _CALLERS = (__file__, loaded.__file__, time_limits.__file__)
 
 
@@ -50,12 +52,25 @@ class PolicyCalls:
     Requests to stop interrupt it. They are not failures of the policy, even if it catches them.
     """
 
-    def __init__(self, policy: Policy, stop: StopRequests) -> None:
+    def __init__(self, policy: Policy, stop: StopRequests, says_arrived: Callable[[], bool] = lambda: False) -> None:
+        """Call a policy.
+
+        Args:
+            policy: the policy.
+            stop: requests to stop.
+            says_arrived: whether the operator says that the robot has arrived, for a policy that asks for it.
+        """
         self._policy = policy
         self._stop = stop
         self._name = policy.card.name
         self._card = replace(policy.card, action_map=dict(policy.card.action_map))
         self._robot: RobotFacts | None = None
+        self._says_arrived = says_arrived
+
+    @property
+    def announcement(self) -> str:
+        """What the operator is told now that the episode has begun; empty for nothing."""
+        return sanitize(self._policy.announcement)
 
     @property
     def anchor(self) -> Anchor:
@@ -83,9 +98,18 @@ class PolicyCalls:
             SensorLostError: the observation lacks a sensor of the card.
             ModelLostError: the policy's server did not answer in time.
         """
+        if self._policy.asks_operator and self._says_arrived():
+            return Decision(Action.STOP, _OPERATOR)
         visible = shown_to_policy(observation, self._card.sensors, budget)
         with self._failures("act"):
             return fitting_decision(self._policy.act(visible), self._card, self._robot)
+
+    def end(self) -> None:
+        """Tell the policy that the episode has ended; its errors are logged, and never keep a robot from stopping."""
+        try:
+            self._policy.end_episode()
+        except Exception as error:
+            logger.warning("model %s failed in end_episode: %s", self._name, error_line(error))
 
     def without_tilt(self, part: Action | Movement) -> Decision:
         """Return a part of a chunk as a decision, with LOOK_UP and LOOK_DOWN replaced as the card states."""

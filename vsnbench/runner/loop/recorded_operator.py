@@ -62,6 +62,14 @@ class RecordedOperator(EpisodeOperator):
         """Show where the robot is."""
         self._operator.show_where(text)
 
+    def show_message(self, text: str) -> None:
+        """Show a line."""
+        self._operator.show_message(text)
+
+    def says_arrived(self) -> bool:
+        """Return whether the operator says that the robot has arrived."""
+        return self._operator.says_arrived()
+
     def episode_ended(self, ended: EndedEpisode, *, session_stopped: bool = False) -> None:
         """Show how an episode ended, and have its proposed verdict judged unless the session stopped with it."""
         ended = hide_end(ended) if self._is_blind else ended

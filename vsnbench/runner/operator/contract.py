@@ -128,6 +128,13 @@ class Operator(ABC):
     def show_where(self, text: str) -> None:
         """Show the answer to `asks_where`. Default: nothing."""
 
+    def says_arrived(self) -> bool:
+        """Return whether the operator says that the robot has arrived. Default: False.
+
+        Called at each look of a stack that leaves this to the operator.
+        """
+        return False
+
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Show how an episode ended. Default: nothing."""
 
@@ -145,7 +152,7 @@ class Operator(ABC):
         return ()
 
     def show_message(self, text: str) -> None:
-        """Show a line about the workers. Default: nothing."""
+        """Show a line about the workers, or how to start a stack. Default: nothing."""
 
     def show_throughput(self, text: str) -> None:
         """Show how fast the workers run. Default: nothing."""

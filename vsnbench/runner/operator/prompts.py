@@ -116,6 +116,7 @@ class OperatorPrompts:
         self._last = secrets.randbelow(2**30)
         self._paused_by = ""
         self._asks_where = threading.Event()
+        self._arrived = threading.Event()
         self.halt = halt
         self._request_stop = request_stop
         self.state = SessionState()
@@ -163,6 +164,17 @@ class OperatorPrompts:
         asked = self._asks_where.is_set()
         self._asks_where.clear()
         return asked
+
+    def declare_arrival(self) -> None:
+        """Say that the robot has arrived. Does nothing unless the operator is asked for that."""
+        if self.driving and self.state.can_declare:
+            self._arrived.set()
+
+    def take_arrival(self) -> bool:
+        """Return whether an operator has said so since the last call."""
+        arrived = self._arrived.is_set()
+        self._arrived.clear()
+        return arrived
 
     def end_episode(self, author: str, means: str) -> bool:
         """Request the end of the running episode, without waiting. Call `halt` afterwards.

@@ -45,19 +45,25 @@ class OperatorProvider:
         if not self.unattended and self.serve_page is None:
             require_terminal(profile)
 
+    def is_present(self, *, needed: bool) -> bool:
+        """Return whether a person is there; `needed` says whether the robot needs one."""
+        return self.serve_page is not None or (needed and not self.unattended)
+
     @contextmanager
     def attend(self, session: Session) -> Iterator[Operator]:
         """Show progress, and listen for the emergency stop key where a person is at the robot."""
         robots, stop_requests = session.robots, session.stop_requests
         with ExitStack() as stack:
             progress = stack.enter_context(self._display(session))
-            if self.serve_page is None and (not robots.needs_operator or self.unattended):
+            if not self.is_present(needed=robots.needs_operator):
                 yield AbsentOperator(progress)
                 return
             stack.callback(session.journal.clear_operator)
             terminal = sys.stdin.fileno() if sys.stdin.isatty() else None
             prompts = OperatorPrompts(terminal, robots.halt, stop_requests.ask)
-            keys = EmergencyStop(robots.halt, stop_requests.ask, others={b"w": prompts.ask_where})
+            keys = EmergencyStop(
+                robots.halt, stop_requests.ask, others={b"w": prompts.ask_where, b"a": prompts.declare_arrival}
+            )
             emergency = stack.enter_context(keys)
             stop_requests.last_acts.append(emergency.restore_terminal)
             prompts.show_message = progress.say

@@ -56,6 +56,8 @@ class SessionState:
     """The robot's pose can be measured before it drives."""
     measures_on_the_way: bool = False
     """It can be measured between two actions as well."""
+    can_declare: bool = False
+    """The operator says when the robot of this episode has arrived."""
     whereabouts: str = ""
     """Result of the last measurement between two actions of this episode."""
     looking: str = ""
@@ -103,6 +105,7 @@ class SessionState:
     def driving_begins(self) -> None:
         """Register that the operator let the robot drive."""
         self.began_at, self.steps, self.spent, self.whereabouts = datetime.now(UTC), [], Spent(), ""
+        self.can_declare = False
 
     def step_taken(self, step: Step) -> None:
         """Add an action, and the image before it."""

@@ -159,9 +159,21 @@ class TerminalOperator(AbsentOperator):
         self._display.say(text)
         self._prompts.notify()
 
+    def show_message(self, text: str) -> None:
+        """Show a line, on the page as well."""
+        self.show_where(text)
+
+    def says_arrived(self) -> bool:
+        """Return whether an operator said so, at the terminal or in a browser."""
+        if not self._prompts.state.can_declare:
+            self._prompts.state.can_declare = True
+            self._prompts.notify()
+        return self._prompts.take_arrival()
+
     def episode_ended(self, ended: EndedEpisode) -> None:
         """Show how the episode ended."""
         self._prompts.driving = False
+        self._prompts.take_arrival()
         self._prompts.take_where()  # a question that came too late is not one about the next episode
         self._prompts.state.episode_ended(ended)
         super().episode_ended(ended)

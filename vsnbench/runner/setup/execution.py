@@ -1,11 +1,30 @@
-"""Checks that a model and a robot fit a protocol in which the robot drives on while the model thinks."""
+"""Checks that a model and a robot fit a protocol in which the robot drives on."""
 
 from vsnbench.errors import UsageError
+from vsnbench.models.names import is_stack
 from vsnbench.protocol.disturbances import Disturbances
-from vsnbench.protocol.execution import KINDS_WHILE_DRIVING
+from vsnbench.protocol.execution import KINDS_WHILE_DRIVING, STACK
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.values.model.card import ModelCard
+
+
+def rules_for(model: str, parameters: ProtocolParameters) -> ProtocolParameters:
+    """Return the parameters of a protocol for a model: those of a stack if it is one, which drives the robot itself.
+
+    Raises:
+        UsageError: the protocol states a latency, which a stack does not have (`stack-latency`).
+    """
+    if not is_stack(model):
+        return parameters
+    execution = parameters.execution
+    if execution is not None and execution.latency_s is not None:
+        raise UsageError(
+            f"--continuous {execution.latency_s:g}: {model} drives the robot itself, at its own pace",
+            advice="leave --continuous out",
+            code="stack-latency",
+        )
+    return parameters.driven_by_stack()
 
 
 def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
@@ -13,11 +32,22 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
 
     Raises:
         UsageError: the robot takes no velocity commands (`no-velocity-commands`), the model only answers with actions
-            from rest to rest (`unsupported-action-kind`), or there are two latencies (`two-latencies`).
+            from rest to rest (`unsupported-action-kind`), there are two latencies (`two-latencies`), or a stack cannot
+            drive it; see `_check_stack`.
     """
+    by_stack = parameters.execution is not None and parameters.execution.is_by_stack
+    if STACK in card.settings and not by_stack:
+        raise UsageError(
+            f"stack {card.name} drives the robot itself, which only `vsnbench run` watches",
+            advice=f"run it as a campaign of its own: vsnbench run --model stack:FILE.yaml --robot {_name(robot)}",
+            code="stack-not-watched",
+        )
     if parameters.execution is None:
         return
-    name = robot.identity.profile.name
+    name = _name(robot)
+    if by_stack:
+        _check_stack(disturbances, robot, card)
+        return
     if not robot.drives_on:
         raise UsageError(
             f"--continuous: robot {name} takes no velocity commands and no paths, so it cannot drive on while a model "
@@ -38,3 +68,49 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
             advice="give the latency with --continuous",
             code="two-latencies",
         )
+
+
+def check_stack_without_person(card: ModelCard) -> None:
+    """Check that no person has to start a stack, or to say that it has arrived.
+
+    Raises:
+        UsageError: one has (`needs-operator`).
+    """
+    ways = card.settings.get(STACK, {})
+    if "operator" in {*ways.get("announce", {}), *ways.get("arrived", {})}:
+        raise UsageError(
+            f"stack {card.name} needs an operator, who starts it or says that it has arrived, and nobody is present",
+            advice="add --console, for a page in the operator's browser",
+            code="needs-operator",
+        )
+
+
+def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
+    """Check that a stack can drive a robot itself.
+
+    Raises:
+        UsageError: the model is no stack (`not-a-stack`), the robot takes no velocity commands of others
+            (`no-velocity-commands`), or a disturbance changes what only a model would see (`stack-disturbed`).
+    """
+    if STACK not in card.settings:
+        raise UsageError(
+            f"the protocol's execution is of a stack that drives itself, and {card.name} is a model",
+            advice="name a stack with --model stack:FILE.yaml, or leave `driver: stack` out of the protocol",
+            code="not-a-stack",
+        )
+    if not robot.can_be_watched:
+        raise UsageError(
+            f"robot {_name(robot)} takes no velocity commands on a topic, so stack {card.name} cannot drive it",
+            advice="use a robot over ROS, or a simulated one: vsnbench robots simulate turtlebot4",
+            code="no-velocity-commands",
+        )
+    if disturbances:
+        raise UsageError(
+            f"--disturb changes what vsnbench shows to a model, and stack {card.name} reads the robot's topics itself",
+            advice="leave --disturb out",
+            code="stack-disturbed",
+        )
+
+
+def _name(robot: Robot) -> str:
+    return robot.identity.profile.name

@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Iterable
 from contextlib import ExitStack
+from dataclasses import replace
 
 from vsnbench.errors import SiteError, UsageError
 from vsnbench.protocol.free_space import free_space
@@ -25,6 +26,7 @@ from vsnbench.runner.loop.follow_up import DEFAULT_VOID_LIMIT, VoidLimit
 from vsnbench.runner.operator.contract import TrialCounts
 from vsnbench.runner.operator.provider import OperatorProvider
 from vsnbench.runner.session import run_session
+from vsnbench.runner.setup.execution import check_stack_without_person, rules_for
 from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import is_surveyed, plan_trials
 from vsnbench.runner.setup.trial_setup import (
@@ -58,6 +60,8 @@ def launch(
         Stopped: a person or the system asked to stop; what happened until then is recorded.
     """
     spec, results = request.setup, request.results
+    spec = replace(spec, parameters=rules_for(spec.model, spec.parameters))
+    request = replace(request, setup=spec)
     check_before_opening(spec.disturbances, spec.robot, rehearsal=spec.rehearsal)
     note = "" if os.environ.get(TEMPORARY_RESULTS) else results.new_record_note
     surveyed = is_surveyed(request.site)
@@ -78,6 +82,8 @@ def launch(
             check_survey(request.site, spec.site, robots.robot.profile.base.radius_m, spec.parameters)
         if robots.needs_operator:
             operators.require(robots.robot.profile)
+        if not operators.is_present(needed=robots.needs_operator):
+            check_stack_without_person(robots.description.card)
         results.prepare()
         provenance = robots.provenance()
         journal = stack.enter_context(Journal.open(results.database_url, provenance))

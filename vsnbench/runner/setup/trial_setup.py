@@ -19,7 +19,7 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.fit.camera import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
-from vsnbench.models.names import is_third_party
+from vsnbench.models.names import is_stack, is_third_party
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
@@ -199,6 +199,8 @@ def load_policy(spec: TrialSetupSpec) -> LoadedPolicy:
         ModelError: the model cannot be made.
     """
     policy = create_policy(spec.model, spec.isolation, **spec.options)
+    if is_stack(spec.model):
+        return LoadedPolicy(policy, remote=True)
     if not isinstance(policy, RemotePolicy):
         return LoadedPolicy(policy, spec.act_timeout_s)
     if spec.act_timeout_s is not None:

@@ -84,6 +84,7 @@ class OperatorApp:
                 Route("/stop", self._stop, methods=["POST"]),
                 Route("/pause", self._pause, methods=["POST"]),
                 Route("/where", self._where, methods=["POST"]),
+                Route("/arrived", self._declare_arrival, methods=["POST"]),
                 Route("/placing", self._request_placing, methods=["POST"]),
                 Route("/placing/{image}", self._placing_image),
                 Route("/episodes", self._episodes),
@@ -223,6 +224,11 @@ class OperatorApp:
     async def _where(self, request: Request) -> Response:
         await _signed_body(request)
         self._prompts.ask_where()
+        return JSONResponse({})
+
+    async def _declare_arrival(self, request: Request) -> Response:
+        await _signed_body(request)
+        self._prompts.declare_arrival()
         return JSONResponse({})
 
     async def _live(self, socket: WebSocket) -> None:

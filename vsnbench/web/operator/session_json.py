@@ -47,6 +47,7 @@ def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
         "left_at": _pose_json(state.left_at) if state.left_at else None,
         "route": state.way,
         "can_measure": state.measures_on_the_way,
+        "can_declare": state.can_declare,
         "whereabouts": state.whereabouts,
         "revision": prompts.changes,
         "picture": state.pictures,

@@ -70,6 +70,7 @@ function render() {
   at("driving-steps").textContent = state.steps.map(([name, isBlocked]) => (isBlocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
   show("where", state.can_measure);
+  show("arrived", state.can_declare);
   at("where-text").textContent = state.whereabouts;
   showStop(isSignedIn && (driving || state.placing.in_progress === "turn"));
   renderFinish(isSignedIn, kind);
@@ -243,6 +244,7 @@ at("skip").addEventListener("click", async () => {
   if (await answer("skip")) showMessage(`The trial from mark ${start} comes later.`);
 });
 at("pause").addEventListener("click", () => run(() => post("/pause", { pause: !state.paused_by })));
+at("arrived").addEventListener("click", () => run(() => post("/arrived", {})));
 at("where").addEventListener("click", () => run(() => post("/where", {})));
 for (const id of ["end", "finish-end"]) {
   at(id).addEventListener("click", async () => {
