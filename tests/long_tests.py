@@ -44,12 +44,14 @@ LONG = {
     "cli/study/test_verbs.py::test_a_killed_study_keeps_its_schedule_and_has_the_outcomes_of_plain_runs": (
         "results/writing/test_recovery.py, runner/study/test_integrity.py"
     ),
-    "cli/running/test_run.py::test_processes_that_a_model_leaves_behind_end_with_the_run[2]": "its case [1]",
+    "cli/running/test_run.py::test_processes_that_a_model_leaves_behind_end_with_the_run[2]": (
+        "runner/stopping/test_requests.py"
+    ),
     "cli/running/test_run.py::test_a_stopped_run_says_how_to_go_on[15-143-interrupted]": (
         "its other case; runner/stopping/test_requests.py"
     ),
     "cli/running/test_run.py::test_the_live_viewer_stays_until_ctrl_c_where_a_person_sits_at_a_terminal": (
-        "cli/results/test_view.py::test_the_viewer_ends_when_the_command_is_killed"
+        "viewer/test_recording.py"
     ),
     "cli/running/test_run_with_a_person.py::test_a_second_sigterm_ends_a_model_that_never_comes_back_from_reset": (
         "runner/stopping/test_requests.py::test_a_second_signal_halts_the_robot_and_ends_the_process"
@@ -61,7 +63,7 @@ LONG = {
         "cli/running/test_run.py::test_processes_that_a_model_leaves_behind_end_with_the_run"
     ),
     "cli/running/test_run_with_a_person.py::test_ctrl_c_at_a_question_leaves_the_episode_awaiting_judgement": (
-        "cli/running/test_run_with_a_person.py::test_a_hang_up_at_a_question_loses_nothing"
+        "results/writing/test_recovery.py, runner/stopping/test_requests.py"
     ),
     "runner/stopping/test_requests.py::test_a_second_signal_halts_the_robot_and_ends_the_process[15]": "its other case",
     "interop/test_killed_merge.py": "interop/test_merge.py, results/writing/test_recovery.py",
@@ -84,7 +86,7 @@ LONG = {
         "web/site_editor/test_goals.py::test_goals_are_edited_with_keys_undone_and_checked_where_they_stand"
     ),
     "web/site_editor/test_editor.py::test_a_tablet_scales_an_image_draws_by_touch_and_pinches": (
-        "web/site_editor/test_editor.py::test_a_flat_is_drawn_from_a_map_with_mouse_and_keyboard"
+        "web/site_editor/test_editor.py::test_a_wall_is_drawn_moved_undone_and_saved_by_keyboard"
     ),
     "cli/results/test_view.py::test_the_web_viewer_shows_every_panel_and_contacts_no_other_host": (
         "viewer/test_recording.py, viewer/test_rebuild.py"
@@ -120,7 +122,7 @@ LONG = {
         "models/vlv/test_map_against_site.py::test_free_and_occupied_cells_agree_with_the_site"
     ),
     "results/writing/test_recovery.py::test_three_killed_drivers_on_an_empty_record_run_every_trial_once[postgresql]": (
-        "its case [sqlite]"
+        "results/writing/test_recovery.py::test_an_episode_of_a_killed_process_keeps_its_steps_and_its_trial_runs_again"
     ),
     "results/merging/test_studies.py::test_a_study_that_two_places_shared_becomes_one_again[postgresql]": (
         "its case [sqlite]"
@@ -129,14 +131,16 @@ LONG = {
         "runner/executors/test_local_pool.py::test_two_workers_give_the_same_bits_as_one"
     ),
     "examples/test_adapters.py::test_the_adapters_pass_models_check_and_state_their_camera[UniNaVid]": (
-        "its case [NavDP]"
+        "its test of NavDP"
     ),
-    "examples/test_adapters.py::test_the_adapters_pass_models_check_and_state_their_camera[NaVILA]": "its case [NavDP]",
+    "examples/test_adapters.py::test_the_adapters_pass_models_check_and_state_their_camera[NaVILA]": (
+        "its test of NavDP"
+    ),
     "examples/test_adapters.py::test_the_adapters_pass_models_check_and_state_their_camera[VLFMHabitat]": (
-        "its case [VLFMReality]"
+        "its test of NavDP"
     ),
     "statistics/test_agreement.py::test_the_interval_of_a_rank_correlation_covers_single_items": (
-        "statistics/test_agreement.py::test_the_interval_of_a_rank_correlation_covers_whole_starting_positions"
+        "statistics/test_conclusion.py"
     ),
     "web/results_browser/test_page_in_browser.py::test_a_script_in_any_text_of_a_record_does_not_run": (
         "web/results_browser/test_page_in_browser.py::test_names_from_a_record_are_text"
@@ -144,7 +148,7 @@ LONG = {
     # The commands of a page, one after the other: their names, options and JSON are tested every day.
     **_of(
         "docs/test_commands.py",
-        "its case [first-table.md]; docs/test_json_schemas.py, test_readme.py",
+        "its case [robots.md]; docs/test_json_schemas.py, test_readme.py",
         *(
             f"test_the_commands_of_a_page_succeed_in_order[{page}.md]"
             for page in (
@@ -320,7 +324,7 @@ LONG = {
     ),
     **_of(
         "cli/results/test_read_only.py",
-        "its case [True]",
+        "results/schema/test_engine.py",
         "test_a_read_only_record_is_read_whole_and_stays_as_it_is[False]",
     ),
     **_of(
@@ -345,7 +349,7 @@ LONG = {
     ),
     **_of(
         "results/writing/test_recovery.py",
-        "its case [postgresql] of the killed process",
+        "results/writing/test_recovery.py::test_an_episode_of_a_killed_process_keeps_its_steps_and_its_trial_runs_again",
         "test_three_killed_drivers_on_an_empty_record_run_every_trial_once[sqlite]",
     ),
     **_of(
@@ -356,7 +360,7 @@ LONG = {
     # Adapters and examples in servers of their own: the wire's checks run every day.
     **_of(
         "examples/test_adapters.py",
-        "its case [NavDP]; models/remote/test_policy.py",
+        "its test of NavDP; models/remote/test_policy.py",
         "test_the_adapters_pass_models_check_and_state_their_camera[VLFMReality]",
         "test_vlfms_habitat_policy_drives_discrete_actions",
         "test_navila_drives_as_far_as_its_answers_say[True]",
@@ -370,7 +374,7 @@ LONG = {
     ),
     **_of(
         "models/remote/test_websockets_versions.py",
-        "its case [17]",
+        "its test of an answer, case [11]",
         "test_the_command_runs_a_model_in_another_environment[11]",
     ),
     **_of(
@@ -426,7 +430,7 @@ LONG = {
     # Live graphs of ROS 1: the same link, node and faults of ROS 2, of one process, and the cases that stay.
     **_of(
         "robots/test_ros1_run.py",
-        "its case [turtlebot2]",
+        "ros/ros2/test_run.py; golden/test_golden.py",
         "test_the_stack_in_three_processes_acts_as_the_simulation[lola2]",
         "test_an_unattended_run_records_estimated_distances",
     ),
@@ -483,7 +487,7 @@ LONG = {
     ),
     **_of(
         "examples/test_adapters.py",
-        "examples/test_adapters.py::test_navdp_drives_a_metre_at_a_time_and_stops_where_the_server_zeroes_its_trajectory",
+        "its test of NavDP",
         "test_the_adapters_pass_models_check_and_state_their_camera[NavDP]",
         "test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_to_its_sub_goal",
         "test_uninavid_executes_predicted_actions[False]",
@@ -619,5 +623,115 @@ LONG = {
         "its case [chair]; golden/test_golden.py",
         "test_the_oracle_reaches_every_goal_and_from_every_start_some[toilet]",
         "test_the_oracle_reaches_every_goal_and_from_every_start_some[table]",
+    ),
+    # Live graphs of ROS 1: ROS 2 runs the same with the same code, and a case of ROS 1 stays.
+    **_of(
+        "robots/test_ros1_run.py",
+        "its case [2-1.0]; ros/ros2/test_run.py; golden/test_golden.py",
+        "test_the_stack_in_three_processes_acts_as_the_simulation[turtlebot2]",
+        "test_an_ended_run_leaves_a_robot_at_rest[15-1.0]",
+        "test_an_ended_run_leaves_a_robot_at_rest[9-2.0]",
+    ),
+    **_of(
+        "robots/test_ros1.py",
+        "robots/test_ros1_drive.py::test_a_server_like_upstreams_executes_discrete_actions_only",
+        "test_a_server_like_upstreams_is_compared_with_the_odometry",
+    ),
+    **_of(
+        "robots/test_ros1_camera_faults.py",
+        "ros/ros2/test_camera_faults.py; robots/test_blind_camera.py",
+        "test_faults_of_a_camera_are_told_apart",
+    ),
+    **_of(
+        "robots/test_ros1_driving_on.py",
+        "ros/ros2/test_driving_on.py, whose case of a killed model stays",
+        "test_a_lost_model_leaves_a_robot_that_drove_on_at_rest[killed]",
+    ),
+    **_of(
+        "cli/robots/test_doctor_hazards.py",
+        "its other cases; ros/ros2/test_hazard_topics.py",
+        "test_doctor_fails_while_a_sensor_is_active[bumper-bumper]",
+        "test_misspelt_and_wrong_topics_are_said_before_a_session",
+    ),
+    **_of(
+        "robots/test_calibration.py",
+        "ros/ros2/test_calibration.py",
+        "test_the_doctor_looks_at_the_camera_over_ros1[finds_the_camera_askew]",
+        "test_the_doctor_looks_at_the_camera_over_ros1[names_a_contradiction]",
+        "test_the_doctor_looks_at_the_camera_over_ros1[crops_the_view_from_a_fisheye_lens]",
+    ),
+    **_of(
+        "robots/test_ros1_network.py",
+        "robots/test_ros1_network.py::test_a_restarted_master_is_reported_at_once",
+        "test_a_server_that_drives_too_far_is_stopped_after_10_cm",
+        "test_a_server_that_steers_another_topic_is_refused_with_both_topics",
+    ),
+    **_of(
+        "cli/robots/test_doctor.py",
+        "its other cases",
+        "test_a_wedged_server_is_noticed",
+        "test_a_broken_part_is_named_with_what_to_do[camera-yuv-colour image-failed-'yuv422']",
+        "test_a_broken_part_is_named_with_what_to_do[camera-past-delay-failed-too late for every observation]",
+        "test_without_a_real_robot_this_machine_alone_is_checked[words1]",
+    ),
+    **_of(
+        "evidence/verification/test_verify.py",
+        "its other cases",
+        "test_a_changed_cell_that_other_rows_or_files_contradict_is_named[UPDATE step SET world_x_m = NULL WHERE "
+        "episode_id = 1 AND number = 2-step 1/2: world_x_m]",
+        "test_an_action_that_the_depth_guard_refused_is_driven_again",
+    ),
+    **_of(
+        "cli/test_missing_extras.py",
+        "its case [postgresql-psycopg-episodes]",
+        "test_a_verb_says_which_extra_it_wants[neural-torch-models]",
+        "test_a_verb_says_which_extra_it_wants[video-av-export]",
+        "test_a_verb_says_which_extra_it_wants[bags-rosbags-export]",
+        "test_a_verb_says_which_extra_it_wants[lerobot-pyarrow-export]",
+    ),
+    **_of(
+        "fuzz/test_fuzz.py",
+        "errors/test_files.py, models/pirlnav/test_hostile_checkpoints.py, `make fuzz`",
+        "test_nothing_gets_past_a_loader_s_boundary[pirlnav]",
+        "test_nothing_gets_past_a_loader_s_boundary[onnx]",
+    ),
+    **_of(
+        "cli/support/test_output.py",
+        "its case [run --goal chair --starts 1]",
+        "test_prints_of_a_model_do_not_spoil_the_json[models check]",
+        "test_prints_of_a_model_do_not_spoil_the_json[doctor]",
+    ),
+    **_of(
+        "interop/test_merge.py",
+        "interop/test_merge.py::test_two_records_of_a_condition_become_one_campaign_and_first_results_count",
+        "test_a_record_and_its_copy_before_the_upgrade_merge_with_the_same_report",
+        "test_verdicts_that_one_side_lacks_are_added_and_move_the_episode_on",
+    ),
+    **_of(
+        "interop/test_merge_files.py",
+        "its case [truncated]",
+        "test_an_intact_copy_repairs_damaged_images[pipe]",
+        "test_damaged_images_are_named_and_nothing_comes_in[empty]",
+    ),
+    **_of(
+        "models/pirlnav/test_checkpoint.py",
+        "test_public_api.py; models/pirlnav/test_parity.py",
+        "test_a_network_is_built_without_loading_pytorch_s_compiler",
+    ),
+    **_of(
+        "cli/judging/test_second_judge.py",
+        "web/second_judgement/test_second_judgement_app.py",
+        "test_the_page_is_served_until_ctrl_c",
+    ),
+    **_of(
+        "localization/test_matching.py",
+        "its other tests",
+        "test_a_coarse_survey_increases_the_uncertainty_of_the_placement",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "its case [missing]; runner/study/test_integrity.py",
+        "test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again[of an older version]",
+        "test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again[of another record]",
     ),
 }

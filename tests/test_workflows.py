@@ -71,3 +71,10 @@ def test_every_test_of_the_night_exists_and_so_does_the_cheaper_one_of_every_day
     cheaper = [name for text in LONG.values() for name in re.findall(r"[\w/]+\.py(?:::\w+)?", text)]
     assert [name for name in (*LONG, *cheaper) if not is_there(name)] == []
     assert len(cheaper) > 20
+    assert [name for name in cheaper if name in LONG] == []
+    cases = {
+        f"{key.partition('[')[0]}{case}"
+        for key, text in LONG.items()
+        for case in re.findall(r"its case (\[.*?\])", text)
+    }
+    assert sorted(cases & LONG.keys()) == []
