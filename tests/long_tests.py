@@ -67,9 +67,7 @@ LONG = {
     ),
     "runner/stopping/test_requests.py::test_a_second_signal_halts_the_robot_and_ends_the_process[15]": "its other case",
     "interop/test_killed_merge.py": "interop/test_merge.py, results/writing/test_recovery.py",
-    f"{SERVED}::test_more_workers_than_sessions_are_refused_in_one_line[batch1]": (
-        "its other case; models/remote/test_sessions.py"
-    ),
+    f"{SERVED}::test_more_workers_than_sessions_are_refused_in_one_line[batch1]": ("models/remote/test_sessions.py"),
     "runner/executors/test_local_pool.py::test_a_late_setup_of_an_earlier_campaign_is_not_used": (
         "runner/executors/test_collecting.py::test_a_worker_with_another_setup_is_refused"
     ),
@@ -234,7 +232,7 @@ LONG = {
     ),
     **_of(
         "training/test_expert.py",
-        "its case [chair]",
+        "training/test_rollout.py",
         "test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner[toilet]",
         "test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner[bed]",
     ),
@@ -733,5 +731,67 @@ LONG = {
         "its case [missing]; runner/study/test_integrity.py",
         "test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again[of an older version]",
         "test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again[of another record]",
+    ),
+    **_of(
+        "web/test_text_goal_study.py",
+        "cli/study/test_verbs.py, runner/study/test_output_redaction.py",
+        "test_text_goals_are_studied_blind",
+    ),
+    **_of(
+        "simulator/generated_sites/test_generate.py",
+        "its case [0]; site_checks/test_check.py",
+        "test_nothing_hangs_over_a_doorway",
+        "test_a_site_that_fails_the_check_is_never_returned",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[1000]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[1001]",
+        "test_every_flat_passes_sites_check_and_has_what_the_protocol_asks_for[10001]",
+    ),
+    **_of(
+        "training/test_expert.py",
+        "training/test_rollout.py",
+        "test_following_it_reaches_the_goal_in_about_as_few_actions_as_the_planner[chair]",
+    ),
+    **_of(
+        "training/test_explorer.py",
+        "training/test_rollout.py",
+        "test_it_finds_goals_that_are_not_in_view_at_the_start[sofa]",
+    ),
+    **_of(
+        "robots/test_simulated.py",
+        "its case [lola2-true]; sensing/test_mover.py",
+        "test_of_500_actions_every_move_is_within_5_mm[turtlebot2-believed]",
+    ),
+    **_of(
+        "runner/executors/test_served_workers.py",
+        "models/remote/test_sessions.py",
+        "test_more_workers_than_sessions_are_refused_in_one_line[batch0]",
+    ),
+    **_of(
+        "web/site_editor/test_editor.py",
+        "web/site_editor/test_editor.py::test_a_wall_is_drawn_moved_undone_and_saved_by_keyboard",
+        "test_the_page_is_accessible",
+    ),
+    **_of(
+        "web/site_editor/test_goals.py",
+        "web/site_editor/test_goals.py::test_goals_are_edited_with_keys_undone_and_checked_where_they_stand",
+        "test_a_photo_of_an_incomplete_goal_is_stored_under_a_safe_name",
+    ),
+    **_of(
+        "statistics/test_power_independent.py",
+        "its other tests",
+        "test_independent_trials_needed_give_the_exact_power_asked_for",
+    ),
+    **_of(
+        "runtime/test_numba_cache.py",
+        "its other tests",
+        "test_without_a_home_every_process_finds_what_the_first_has_compiled",
+    ),
+    **_of(
+        "sensing/test_mover.py",
+        "its cases [0.05-0.002-20] and [0.03-0.001-50]",
+        "test_a_base_with_noise_at_rest_moves_accurately[0.03-0.001-20]",
+        "test_a_base_with_noise_at_rest_moves_accurately[0.01-0.0005-50]",
+        "test_a_base_with_noise_at_rest_moves_accurately[0.05-0.002-50]",
+        "test_a_base_with_noise_at_rest_moves_accurately[0.01-0.0005-20]",
     ),
 }
