@@ -1,11 +1,16 @@
 """Faults in the registrations of a ROS master: duplicate publishers, a server of another topic, other nodes."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 
 from vsnbench.robots.profiles import load_profile
 from vsnbench.ros.ros1.graph import GraphFault, graph_faults, steering_nodes, unregistered_publisher
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.ros.ros1.master import SystemState
+from vsnbench.ros.ros1.readiness import Ros1Readiness
+from vsnbench.sensing.robot_reports import RobotSnapshot
 
 NAMES = ros1_interface(load_profile("turtlebot2"))
 TYPES = {NAMES.command: "geometry_msgs/Twist", "/cmd_vel": "geometry_msgs/Twist", "/odom": "nav_msgs/Odometry"}
@@ -70,3 +75,20 @@ def test_a_publisher_that_is_not_registered_at_the_master_is_named() -> None:
     assert fault.error.code == "unregistered-publisher"
     assert "/ghost" in fault.seen
     assert unregistered_publisher(NAMES.odometry, ["/base"], state()) is None
+
+
+def test_a_server_that_registers_while_the_parts_are_checked_steers_for_the_session() -> None:
+    """Its velocities were those of another publisher, when the master was asked just before it was registered."""
+    registered = replace(state(), subscribers={**state().subscribers, NAMES.odometry: ["/vsnbench"]})
+    states = [replace(registered, services={}), registered]
+    readiness = Ros1Readiness(
+        NAMES,
+        RobotSnapshot,
+        lambda: "",
+        load_profile("turtlebot2"),
+        master=SimpleNamespace(caller="/vsnbench", state=lambda: states.pop(0), topic_types=lambda: TYPES),  # type: ignore[arg-type]
+        discrete_move=SimpleNamespace(probe=lambda: None),  # type: ignore[arg-type]
+    )
+    assert readiness._network_fault() is None
+    assert readiness._server_fault(RobotSnapshot()) is None
+    assert readiness.steering == {"/discrete_move"}

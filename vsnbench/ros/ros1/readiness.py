@@ -56,6 +56,8 @@ class Ros1Readiness(Readiness):
         except RobotError as error:
             start = f"(vsnbench robots serve {self.profile.argument})"
             return RobotError(error.statement, advice=f"{error.advice} {start}".strip(), code=error.code)
+        if not self.steering:  # the server was registered after the master was asked who steers
+            return self._network_fault()
         return None
 
     def _publishers(self, topic: str) -> list[str]:
