@@ -77,13 +77,16 @@ db status
 """Commands in order that take less than a second each."""
 
 COMMANDS = f"""
-{QUICK.partition("run ")[0]}
+{QUICK.partition("models fetch ")[0]}
 sites draw apartment --output plan.svg
 sites render other/lab.yaml --output look.png
 sites generate --seed 3
 models check pirlnav
 models check pirlnav --robot lola2
 study check progress.yaml
+models fetch pirlnav ADDRESS --sha256 SHA256
+doctor
+doctor --robot turtlebot2
 place --start 3 --robot simulated
 place --start 3 --robot simulated --turn
 run --model random --goal chair --starts 1 {SHORT}
