@@ -40,7 +40,7 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
     if isolation is not None:
         if is_stack(name):
             raise UsageError(
-                f"--isolate: {name} is no code that runs in a process of vsnbench",
+                f"--isolate: {name} does not run in a process of vsnbench",
                 advice="leave --isolate out",
                 code="unknown-model-option",
             )

@@ -1,8 +1,8 @@
 """Executions in which the robot drives on: while the model thinks, or because a stack drives it.
 
 In continuous execution, the model is called with the newest observation whenever it is free. Its answer takes effect
-when it arrives, and replaces the running path without a stop. A stack commands the base itself: it is watched, and
-nobody asks it for decisions. In stop-and-go execution, the default, the robot rests while the model thinks.
+when it arrives, and replaces the running path without a stop. A stack commands the base itself: vsnbench watches
+it and does not ask it for decisions. In stop-and-go execution, the default, the robot rests while the model thinks.
 """
 
 from collections.abc import Mapping

@@ -106,13 +106,16 @@ class Robot(ABC):
         return None
 
     @property
-    def commanded(self) -> tuple[float, float] | None:
-        """Velocity that a stack commands now, m/s and rad/s; None if no stack drives, or if it is not known."""
+    def commanded(self) -> tuple[float, float, float] | None:
+        """Velocity that a stack commands now: ahead and to the left in m/s, turn in rad/s.
+
+        None if no stack drives, or if it is not known.
+        """
         return None
 
     @property
     def driven_against(self) -> str:
-        """Who commanded velocities when the robot was last brought to rest, and went on; empty if nobody did."""
+        """Node that kept commanding velocities after the robot was last brought to rest; empty if none did."""
         return ""
 
     def wait_until_ready(self) -> None:

@@ -60,8 +60,8 @@ class FilmFrame:
     """Pose of the robot in the site."""
     rgb: npt.NDArray[np.uint8]
     """(H, W, 3)."""
-    commanded: tuple[float, float] | None = None
-    """Velocity that a stack commanded then, m/s and rad/s; None where no stack drives."""
+    commanded: tuple[float, float, float] | None = None
+    """Velocity that a stack commanded then: ahead and to the left in m/s, turn in rad/s; None where no stack drives."""
 
 
 @dataclass(frozen=True, slots=True)

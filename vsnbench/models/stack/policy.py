@@ -69,7 +69,7 @@ class StackPolicy(Policy):
         """Start an episode in which the robot is watched.
 
         Raises:
-            ModelError: the protocol is that of a model: nobody would stop the robot that the stack drives.
+            ModelError: the protocol is for models, so nothing would stop the robot that the stack drives.
         """
         self.reset(task.goal, task.seed)
         execution = task.protocol.execution

@@ -126,7 +126,7 @@ class StackTrial:
         name, *arguments = (word.replace(GOAL_WORD, str(self._goal["goal"])) for word in command)
         program = shutil.which(self._directory / name if "/" in name else name)
         if program is None:
-            raise ModelError(f"cannot start {sanitize(name)}: there is no such program", code="no-stack-program")
+            raise ModelError(f"cannot start {sanitize(name)}: program not found", code="no-stack-program")
         return subprocess.Popen(
             command_that_ends_with_parent([str(Path(program).absolute()), *arguments]),
             stdin=subprocess.DEVNULL,

@@ -179,7 +179,7 @@ SUMMARY = Measures(
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
 _WITHOUT_ACTIONS = SUMMARY.in_columns(
-    *(each.heading for each in SUMMARY.shown if not each.key.startswith("mean_actions"))
+    *(measure.heading for measure in SUMMARY.shown if not measure.key.startswith("mean_actions"))
 )
 """The same for a stack that drives itself, which has no actions."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"

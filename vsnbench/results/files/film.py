@@ -30,8 +30,8 @@ class RecordedFrame:
     """Digest of the bytes of its file."""
     rgb_jpeg: bytes | None = None
     """Content of the file, for viewers; None if it is missing."""
-    commanded: tuple[float, float] | None = None
-    """Velocity that a stack commanded then, m/s and rad/s; None if it is not known."""
+    commanded: tuple[float, float, float] | None = None
+    """Velocity that a stack commanded then: ahead and to the left in m/s, turn in rad/s; None if it is not known."""
 
 
 def film_path(directory: Path, number: int, frame: int) -> Path:
@@ -42,7 +42,7 @@ def film_path(directory: Path, number: int, frame: int) -> Path:
 def film_to_json(film: Sequence[RecordedFrame]) -> list[list[Any]]:
     """Return what the record has of images: [stamp_s, x_m, y_m, heading_rad, digest of the file] each.
 
-    Where a stack drives, the velocity that it commanded follows: linear_m_s, angular_rad_s.
+    Where a stack drives, the velocity that it commanded follows: linear_m_s, lateral_m_s, angular_rad_s.
     """
     rows = ((frame.moment, frame.file_digest, frame.commanded or ()) for frame in film)
     return [[at.stamp_s, at.pose.x_m, at.pose.y_m, at.pose.heading_rad, digest, *sent] for at, digest, sent in rows]
@@ -57,7 +57,7 @@ def film_of(details: object) -> tuple[RecordedFrame, ...]:
             RecordedFrame(
                 StampedPose(float(stamp_s), Pose(float(x_m), float(y_m), float(heading_rad))),
                 str(digest),
-                commanded=(float(sent[0]), float(sent[1])) if sent else None,
+                commanded=(float(sent[0]), float(sent[1]), float(sent[2])) if sent else None,
             )
             for stamp_s, x_m, y_m, heading_rad, digest, *sent in rows or ()
         )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.control.command import STANDSTILL
 from vsnbench.control.legs import longest_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError, SensorLostError
@@ -131,13 +132,14 @@ class RosRobot(Robot):
         return self._link.snapshot().battery
 
     @property
-    def commanded(self) -> tuple[float, float] | None:
+    def commanded(self) -> tuple[float, float, float] | None:
         """Last velocity of the stack; zero once the base has dropped it."""
         if not self._by_stack:
             return None
         now = self._link.snapshot()
         is_old = time.monotonic() - now.steered_s > self._link.names.command_timeout_s
-        velocity = (0.0, 0.0) if is_old else (now.commanded.linear_m_s, now.commanded.angular_rad_s)
+        sent = STANDSTILL if is_old else now.commanded
+        velocity = (sent.linear_m_s, sent.lateral_m_s, sent.angular_rad_s)
         return velocity if all(map(math.isfinite, velocity)) else None
 
     @property

@@ -171,7 +171,7 @@ class OperatorPrompts:
             self._arrived.set()
 
     def take_arrival(self) -> bool:
-        """Return whether an operator has said so since the last call."""
+        """Return whether an operator has declared an arrival since the last call."""
         arrived = self._arrived.is_set()
         self._arrived.clear()
         return arrived

@@ -164,7 +164,7 @@ class TerminalOperator(AbsentOperator):
         self.show_where(text)
 
     def says_arrived(self) -> bool:
-        """Return whether an operator said so, at the terminal or in a browser."""
+        """Return whether an operator declared the arrival, at the terminal or in a browser."""
         if not self._prompts.state.can_declare:
             self._prompts.state.can_declare = True
             self._prompts.notify()

@@ -79,7 +79,7 @@ def check_stack_without_person(card: ModelCard) -> None:
     ways = card.settings.get(STACK, {})
     if "operator" in {*ways.get("announce", {}), *ways.get("arrived", {})}:
         raise UsageError(
-            f"stack {card.name} needs an operator, who starts it or says that it has arrived, and nobody is present",
+            f"stack {card.name} needs an operator to start it or to say that it has arrived, and none is present",
             advice="add --console, for a page in the operator's browser",
             code="needs-operator",
         )
@@ -89,7 +89,7 @@ def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> N
     """Check that a stack can drive a robot itself.
 
     Raises:
-        UsageError: the model is no stack (`not-a-stack`), the robot takes no velocity commands of others
+        UsageError: the model is not a stack (`not-a-stack`), the robot accepts no velocity commands from others
             (`no-velocity-commands`), or a disturbance changes what only a model would see (`stack-disturbed`).
     """
     if STACK not in card.settings:
