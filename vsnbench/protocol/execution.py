@@ -6,6 +6,7 @@ it and does not ask it for decisions. In stop-and-go execution, the default, the
 """
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Any, Final, Literal, Self
 
 from pydantic import (
@@ -36,6 +37,17 @@ SECONDS_PER_ACTION: Final = 2.0
 """Time that a continuous trial has for each action of `max_actions`, where the protocol has no time limit. A move of
 0.25 m at 0.3 m/s takes 1.4 s, a turn of 30 degrees at 0.5 rad/s 1.7 s."""
 _OPTION = "--continuous"
+
+
+class StopSource(StrEnum):
+    """What was taken as the STOP of a stack; recorded as the model's own name of the action."""
+
+    DECLARED = "declared"
+    """The stack said that it had arrived."""
+    AT_REST = "at rest"
+    """The robot had been at rest for long enough."""
+    OPERATOR = "operator"
+    """The operator said so."""
 
 
 class Execution(BaseModel):

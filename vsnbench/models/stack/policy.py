@@ -2,7 +2,6 @@
 
 import logging
 import math
-from enum import StrEnum
 from pathlib import Path
 
 from vsnbench.errors import ModelError
@@ -10,6 +9,7 @@ from vsnbench.models.contract import Policy
 from vsnbench.models.stack.file import GOAL_WORD, card_of, load_stack
 from vsnbench.models.stack.trial import StackTrial
 from vsnbench.models.task import Task
+from vsnbench.protocol.execution import StopSource
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal
@@ -22,15 +22,6 @@ _MOVED_M, _MOVED_RAD = 0.05, math.radians(5)
 """A robot that has moved this far since the start of the episode has begun to drive."""
 _REST_M, _REST_RAD = 0.01, math.radians(1)
 """A robot at rest stays within this of one pose."""
-
-
-class StopSource(StrEnum):
-    """What was taken as the STOP of a stack; recorded as the model's own name of the action."""
-
-    DECLARED = "declared"
-    """The stack said that it had arrived."""
-    AT_REST = "at rest"
-    """The robot had been at rest for long enough."""
 
 
 DRIVES = "drives"

@@ -18,6 +18,7 @@ from vsnbench.models.fit.decision import fitting_decision, without_tilt
 from vsnbench.models.fit.goal import goal_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.task import RobotFacts, Task
+from vsnbench.protocol.execution import StopSource
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime import time_limits
@@ -37,8 +38,6 @@ logger = logging.getLogger(__name__)
 
 _LONGEST_TRACEBACK = 20_000
 TRACEBACK_TIMEOUT_S = 2.0
-_OPERATOR = "operator"
-"""Source of a STOP that the operator declared, as the model's own name of the action."""
 _CALLERS = (__file__, loaded.__file__, time_limits.__file__)
 
 
@@ -99,7 +98,7 @@ class PolicyCalls:
             ModelLostError: the policy's server did not answer in time.
         """
         if self._policy.asks_operator and self._says_arrived():
-            return Decision(Action.STOP, _OPERATOR)
+            return Decision(Action.STOP, StopSource.OPERATOR)
         visible = shown_to_policy(observation, self._card.sensors, budget)
         with self._failures("act"):
             return fitting_decision(self._policy.act(visible), self._card, self._robot)
