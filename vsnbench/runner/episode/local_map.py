@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.protocol.parameters import DepthGuard
+from vsnbench.runner.episode.depth_guard import GuardReading, Refusal
 from vsnbench.sensing.occupancy_map import MappingSettings, OccupancyMap
 from vsnbench.values.camera import Camera
 from vsnbench.values.observation import Observation
@@ -51,11 +52,19 @@ class Surroundings:
         nearer = nearest_m < np.hypot(self.ahead_m, self.left_m) - _NEARER_M
         return np.asarray(self.occupied & (nearest_m <= within_m) & nearer)
 
-    def has_unseen(self, where: npt.NDArray[np.bool_], width_m: float) -> bool:
-        """Return whether some cells contain a square of a width that no image has shown."""
-        unseen, count = where & ~self.known, math.ceil(width_m / _CELL_M - 1e-6)
-        squares = np.lib.stride_tricks.sliding_window_view(unseen, (count, count))
-        return bool(squares.all(axis=(2, 3)).any())
+    def met(self, obstacles: npt.NDArray[np.bool_], radius_m: float, side: str) -> GuardReading:
+        """Return that a robot of a radius meets some obstacles, and how far it is from the nearest."""
+        free_m = max(float(np.hypot(self.ahead_m, self.left_m)[obstacles].min()) - radius_m, 0.0)
+        return GuardReading(Refusal.OBSTACLE, int(np.count_nonzero(obstacles)), free_m, side=side)
+
+    def unseen(self, where: npt.NDArray[np.bool_], width_m: float, side: str) -> GuardReading:
+        """Return whether some cells contain a square of a width that no image has shown, which is refused."""
+        hidden, count = where & ~self.known, math.ceil(width_m / _CELL_M - 1e-6)
+        squares = np.lib.stride_tricks.sliding_window_view(hidden, (count, count))
+        if squares.all(axis=(2, 3)).any():
+            share = np.count_nonzero(where & self.known) / np.count_nonzero(where)
+            return GuardReading(Refusal.UNSEEN, valid_share=float(share), side=side)
+        return GuardReading(side=side)
 
 
 class LocalMap:

@@ -2,13 +2,11 @@
 
 import math
 
-import numpy as np
-
 from vsnbench.control.settings import MotionSettings
 from vsnbench.protocol.depth_evidence import OBSTACLE_WIDTH_M
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
 from vsnbench.robots.contract import DrivingView
-from vsnbench.runner.episode.depth_guard import GuardReading, Refusal, look_ahead
+from vsnbench.runner.episode.depth_guard import GuardReading, look_ahead
 from vsnbench.runner.episode.local_map import LocalMap
 from vsnbench.values.observation import observation_of
 from vsnbench.values.pose import Pose, advanced
@@ -65,7 +63,8 @@ class PathGuard:
             observation_of(0.0, view.camera, depth_m=view.depth_m), self._base, self._guard_for(view)
         )
         if not self.last.blocked and self._map is not None and view.linear_m_s > 0:
-            self.last = self._beside(self._map, view)
+            beside = self._beside(self._map, view)
+            self.last = beside if beside.blocked else self.last
         return self.last.text if self.last.blocked else ""
 
     def _beside(self, local_map: LocalMap, view: DrivingView) -> GuardReading:
@@ -83,14 +82,10 @@ class PathGuard:
         side = "left" if curvature > 0 else "right"
         obstacles = cells.approached(_arc(stopping_m, curvature), within_m)
         if obstacles.any():
-            free_m = max(float(np.hypot(cells.ahead_m, cells.left_m)[obstacles].min()) - radius_m, 0.0)
-            return GuardReading(Refusal.OBSTACLE, int(np.count_nonzero(obstacles)), free_m, side=side)
+            return cells.met(obstacles, radius_m, side)
         turned = cells.distance_m(_arc(ahead_m, curvature)) <= radius_m
         added = turned & (cells.distance_m(_arc(ahead_m, 0.0)) > radius_m)
-        if cells.has_unseen(added, OBSTACLE_WIDTH_M):
-            share = np.count_nonzero(added & cells.known) / np.count_nonzero(added)
-            return GuardReading(Refusal.UNSEEN, valid_share=float(share), side=side)
-        return GuardReading()
+        return cells.unseen(added, OBSTACLE_WIDTH_M, side)
 
     def _stopping_m(self, view: DrivingView) -> float:
         """Return the way from the capture of an image until the robot can have stopped."""

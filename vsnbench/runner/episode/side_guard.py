@@ -4,11 +4,10 @@ import math
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
 from vsnbench.runner.episode.depth_guard import GuardReading, Refusal
-from vsnbench.runner.episode.local_map import LocalMap, Surroundings
+from vsnbench.runner.episode.local_map import LocalMap
 from vsnbench.values.movement import Drive, Sidestep, Velocity, goes_sideways
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
@@ -59,16 +58,8 @@ class SideGuard:
         cells = self._map.around(self._map.pose, reach_m)
         obstacles = cells.approached([*way, end], within_m)
         if obstacles.any():
-            free_m = max(float(np.hypot(cells.ahead_m, cells.left_m)[obstacles].min()) - radius_m, 0.0)
-            return GuardReading(Refusal.OBSTACLE, int(np.count_nonzero(obstacles)), free_m, side=side)
-        return self._unseen(cells, cells.distance_m(way) <= radius_m, side)
-
-    def _unseen(self, cells: Surroundings, swept: npt.NDArray[np.bool_], side: str) -> GuardReading:
-        """Return whether the cells that the robot will cover have a part that was never seen."""
-        if cells.has_unseen(swept, _UNSEEN_M):
-            share = np.count_nonzero(swept & cells.known) / np.count_nonzero(swept)
-            return GuardReading(Refusal.UNSEEN, valid_share=float(share), side=side)
-        return GuardReading(side=side)
+            return cells.met(obstacles, radius_m, side)
+        return cells.unseen(cells.distance_m(way) <= radius_m, _UNSEEN_M, side)
 
     def reading(self, left_m: float) -> GuardReading:
         """Return whether a sidestep from the newest image must be refused; never for a robot without depth images.
@@ -89,7 +80,7 @@ class SideGuard:
             nearest_m = float(aside_m[obstacles].min()) - radius_m
             return GuardReading(Refusal.OBSTACLE, int(np.count_nonzero(obstacles)), nearest_m, side=side)
         swept = np.hypot(ahead_m, aside_m - np.clip(aside_m, 0.0, distance_m)) <= radius_m
-        return self._unseen(cells, swept, side)
+        return cells.unseen(swept, _UNSEEN_M, side)
 
 
 def _way(velocity: Velocity) -> list[Pose]:
