@@ -636,6 +636,11 @@ LONG = {
         "test_a_server_like_upstreams_is_compared_with_the_odometry",
     ),
     **_of(
+        "robots/test_ros1_stack.py",
+        "ros/ros1/test_exchange.py, models/stack/test_topics.py, ros/ros2/test_stack.py",
+        "test_two_goals_are_announced_driven_and_judged",
+    ),
+    **_of(
         "robots/test_ros1_camera_faults.py",
         "ros/ros2/test_camera_faults.py; robots/test_blind_camera.py",
         "test_faults_of_a_camera_are_told_apart",

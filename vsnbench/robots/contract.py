@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.sensing.exchange import Exchange
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
@@ -111,6 +112,11 @@ class Robot(ABC):
 
         None if no stack drives, or if it is not known.
         """
+        return None
+
+    @property
+    def exchange(self) -> Exchange | None:
+        """Topics and actions on its network, by which a stack is told goals; None without such a network."""
         return None
 
     @property

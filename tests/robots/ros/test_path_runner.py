@@ -47,6 +47,7 @@ class Link:
 
     has_labels = False
     image_turns = 0
+    others_drive = False
 
     def __init__(self, speed_m_s: float, dynamics: BaseDynamics) -> None:
         self.names = ros2_interface(PROFILE)

@@ -9,8 +9,7 @@ from genpy.dynamic import generate_dynamic
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Header
 
-from vsnbench.ros.ros1.battery import battery_in, battery_message
-from vsnbench.ros.ros1.messages import SensorState
+from vsnbench.ros.ros1.messages import SensorState, battery_in, battery_message
 from vsnbench.values.battery import Battery
 
 pytestmark = pytest.mark.ros

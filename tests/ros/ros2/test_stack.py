@@ -1,9 +1,10 @@
 """Stacks that drive themselves over ROS 2: announced, watched, stopped and judged by `vsnbench run`."""
 
 import json
+import re
 import sqlite3
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ pytestmark = pytest.mark.ros2
 ROOT = "/robot1"
 PATHS = {"sofa": [[0.9, 0.0]], "chair": [[0.6, 0.0]]}
 """From position 8, the first ends 0.9 m from the sofa."""
+StartStack = Callable[..., tuple[Process, str]]
 SHORT = {"sofa": [[0.4, 0.0]]}
 """Ends farther than 1 m from the sofa."""
 
@@ -39,11 +41,20 @@ def robot_of(graph: Graph2) -> str:
     return f"{graph.directory / 'small.yaml'}@{ROOT[1:]}"
 
 
-def http_stack(graph: Graph2, *words: str, paths: dict[str, list[list[float]]] = PATHS) -> tuple[Process, str]:
-    """Start the stack as a server, and return it with its address."""
-    server = graph.start(HERE / "nodes" / "stack.py", ROOT, json.dumps(paths), *words)
-    wait_until(lambda: "listens" in server.output, "the stack listens", 60)
-    return server, f"http://127.0.0.1:{server.output.split('listens ')[1].split()[0]}"
+@pytest.fixture
+def start_stack(graph: Graph2) -> Iterator[StartStack]:
+    """Start stacks as servers, each with its address, and end them after the test."""
+    started: list[Process] = []
+
+    def start(*words: str, paths: dict[str, list[list[float]]] = PATHS) -> tuple[Process, str]:
+        server = graph.start(HERE / "nodes" / "stack.py", ROOT, json.dumps(paths), *words)
+        started.append(server)
+        wait_until(lambda: re.search(r"listens \d+\n", server.output), "the stack listens", 60)
+        return server, f"http://127.0.0.1:{server.output.split('listens ')[1].split()[0]}"
+
+    yield start
+    for server in started:
+        server.end()
 
 
 def run(graph: Graph2, directory: Path, ways: str, *words: str) -> tuple[Process, list[tuple]]:
@@ -59,7 +70,9 @@ def run(graph: Graph2, directory: Path, ways: str, *words: str) -> tuple[Process
 
 
 def rows(directory: Path, query: str) -> list[tuple]:
-    with sqlite3.connect(directory / "results" / "vsnbench.db") as connection:
+    if not (database := directory / "results" / "vsnbench.db").exists():
+        return []
+    with sqlite3.connect(database) as connection:
         return connection.execute(query).fetchall()
 
 
@@ -68,8 +81,10 @@ def ways_of(address: str) -> str:
     return f"announce: {goal}\narrived: {state}\nabort: {abort}"
 
 
-def test_a_stack_that_declares_its_arrival_is_judged_at_rest(graph: Graph2, tmp_path: Path) -> None:
-    server, address = http_stack(graph)
+def test_a_stack_that_declares_its_arrival_is_judged_at_rest(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    server, address = start_stack()
     done, verdicts = run(graph, tmp_path, ways_of(address))
     assert done.popen.returncode == 0, done.output
     assert [verdict[:2] for verdict in verdicts] == [(1, "stop")]
@@ -89,6 +104,66 @@ def test_a_stack_that_declares_its_arrival_is_judged_at_rest(graph: Graph2, tmp_
     assert max(frame[5] for film in films for frame in film) == pytest.approx(0.25)  # m/s, as the stack commanded
     assert "goal sofa" in server.output
     assert "abort" in server.output
+
+
+TOPICS = """
+announce: {topic: {name: their/goal, type: std_msgs/msg/String, content: {data: "{goal}"}}}
+arrived: {topic: {name: their/arrived, type: std_msgs/msg/Bool}}
+abort: {topic: {name: their/abort, type: std_msgs/msg/Empty}}"""
+ACTION = """
+announce: {action: {name: navigate, type: test_msgs/action/Fibonacci, by_goal: {chair: {order: 1}, sofa: {order: 0}}}}
+arrived: {action: true}"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("kind", "ways"),
+    [("topic", TOPICS), ("event", TOPICS), ("action", ACTION)],
+)
+def test_a_stack_on_the_network_of_the_robot_is_told_and_heard(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path, kind: str, ways: str
+) -> None:
+    """Two trials: the state of the first still says "arrived" when the second goal is announced."""
+    server, _ = start_stack("--ways", kind)
+    done, _ = run(graph, tmp_path, ways, "--goal", "chair")
+    assert done.popen.returncode == 0, done.output
+    assert rows(tmp_path, "select end_reason from verdict order by id") == [("stop",)] * 2
+    driven_m = [path_m for (path_m,) in rows(tmp_path, "select path_length_m from episode order by id")]
+    assert driven_m == pytest.approx([0.9, 0.6], abs=0.1)
+    assert re.findall("goal (.*)", server.output) == ["sofa", "chair"]
+
+
+@pytest.mark.long
+def test_an_action_that_fails_is_void_and_one_that_never_ends_is_canceled(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    (tmp_path / "short.yaml").write_text("name: short\nmax_time_s: 6\n")
+    ended = {}
+    for after, paths in (("fail", SHORT), ("wait", {"sofa": [[0.4, 0.0], [0.0, 0.0]] * 50})):
+        directory = tmp_path / after
+        directory.mkdir()
+        server, _ = start_stack("--ways", "action", "--after", after, paths=paths)
+        _, verdicts = run(graph, directory, ACTION, "--protocol", tmp_path / "short.yaml")
+        ended[after] = verdicts[0][:2], "abort" in server.output
+        server.end()
+    assert ended == {"fail": ((None, "model_error"), False), "wait": ((0, "time_limit"), True)}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("ways", "says"),
+    [
+        (TOPICS, "no node publishes /robot1/their/arrived (std_msgs/msg/Bool)"),
+        (TOPICS.replace("Bool", "Boole"), "message type std_msgs/msg/Boole is not installed here"),
+        (ACTION, "no node offers the action navigate"),
+    ],
+    ids=["silent-topic", "unknown-type", "no-action"],
+)
+def test_nothing_moves_where_nobody_is_there_to_drive(graph: Graph2, tmp_path: Path, ways: str, says: str) -> None:
+    done, _ = run(graph, tmp_path, ways)
+    assert done.popen.returncode != 0
+    assert says in done.output
+    assert all(path_m < 0.02 for (path_m,) in rows(tmp_path, "select path_length_m from episode"))
 
 
 @pytest.mark.long
@@ -122,8 +197,10 @@ def test_a_command_that_ends_has_arrived_or_failed(graph: Graph2, tmp_path: Path
 
 
 @pytest.mark.long
-def test_a_robot_at_rest_has_arrived_where_the_stack_says_nothing(graph: Graph2, tmp_path: Path) -> None:
-    _, address = http_stack(graph, "--after", "wait")
+def test_a_robot_at_rest_has_arrived_where_the_stack_says_nothing(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    _, address = start_stack("--after", "wait")
     ways = ways_of(address).replace(f"{{http: '{address}/state'}}", "{rest_s: 2}")
     _, verdicts = run(graph, tmp_path, ways)
     assert [verdict[:2] for verdict in verdicts] == [(1, "stop")]
@@ -131,8 +208,8 @@ def test_a_robot_at_rest_has_arrived_where_the_stack_says_nothing(graph: Graph2,
 
 
 @pytest.mark.long
-def test_a_stack_that_drives_on_is_held_and_named(graph: Graph2, tmp_path: Path) -> None:
-    _, address = http_stack(graph, "--after", "drive-on")
+def test_a_stack_that_drives_on_is_held_and_named(graph: Graph2, start_stack: StartStack, tmp_path: Path) -> None:
+    _, address = start_stack("--after", "drive-on")
     _, verdicts = run(graph, tmp_path, ways_of(address))
     assert [verdict[1] for verdict in verdicts] == ["stop"]
     ((words,),) = rows(tmp_path, "select text from event where kind = 'drives_on'")
@@ -151,9 +228,9 @@ def test_a_stack_that_drives_on_is_held_and_named(graph: Graph2, tmp_path: Path)
     ],
 )
 def test_a_stack_that_fails_is_void_with_its_reason(
-    graph: Graph2, tmp_path: Path, words: tuple[str, ...], reason: str, says: str
+    graph: Graph2, start_stack: StartStack, tmp_path: Path, words: tuple[str, ...], reason: str, says: str
 ) -> None:
-    _, address = http_stack(graph, *words)
+    _, address = start_stack(*words)
     _, verdicts = run(graph, tmp_path, ways_of(address))
     ((error,),) = rows(tmp_path, "select error from episode order by id desc limit 1")
     assert [verdict[:2] for verdict in verdicts] == [(None, reason)]

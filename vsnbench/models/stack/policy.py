@@ -7,9 +7,11 @@ from pathlib import Path
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import Policy
 from vsnbench.models.stack.file import GOAL_WORD, card_of, load_stack
+from vsnbench.models.stack.topics import ArrivalTopic
 from vsnbench.models.stack.trial import StackTrial
 from vsnbench.models.task import Task
 from vsnbench.protocol.execution import StopSource
+from vsnbench.sensing.exchange import Exchange
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal
@@ -43,10 +45,31 @@ class StackPolicy(Policy):
         self._file = file
         self._watched = False
         self._goal: Goal | str = ""
+        self._exchange: Exchange | None = None
+        self._heard: ArrivalTopic | None = None
         self._trial: StackTrial | None = None
         self._moved = False
         self._start: Pose | None = None
         self._rest_since: tuple[float, Pose] | None = None
+
+    def join(self, exchange: Exchange | None) -> None:
+        """Take the network of the robot that the stack drives; called before the first trial.
+
+        Args:
+            exchange: None for a robot without one.
+
+        Raises:
+            ModelError: the file names a type of message that is not installed, or content that does not fit it.
+        """
+        self._exchange = exchange
+        if exchange is None:
+            return
+        for message in self._stack.messages:
+            for category in message.by_goal or ("",):
+                exchange.check(message.type, message.content_for("", category))
+        if (topic := self._stack.arrived.topic) is not None:
+            exchange.check(topic.type, {})
+            self._heard = ArrivalTopic(exchange, topic)
 
     def reset(self, goal: str, seed: int) -> None:
         """Forget the last episode, once its stack has been told to abort. The goal is announced with the first look."""
@@ -77,7 +100,9 @@ class StackPolicy(Policy):
         if not self._watched:
             raise ModelError(f"stack {self._stack.name} was not begun", code="stack-not-watched")
         if self._trial is None:
-            self._trial = StackTrial(self._stack, _sent(self._goal), self._file.resolve().parent)
+            self._trial = StackTrial(
+                self._stack, _sent(self._goal), self._file.resolve().parent, self._exchange, self._heard
+            )
         if self._trial.has_arrived:
             return Decision(Action.STOP, StopSource.DECLARED)
         if self._stack.arrived.rest_s is not None and self._rests(observation, self._stack.arrived.rest_s):

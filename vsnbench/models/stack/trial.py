@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import ModelError, ModelLostError, VsnbenchError
-from vsnbench.models.stack.file import GOAL_WORD, Stack
+from vsnbench.models.stack.file import GOAL_WORD, Stack, ToAction, ToTopic
 from vsnbench.models.stack.http import get, post
+from vsnbench.models.stack.topics import ArrivalTopic
 from vsnbench.runtime.child_process import command_that_ends_with_parent
+from vsnbench.sensing.exchange import ActionGoal, Exchange
 from vsnbench.text.sanitize import error_line, sanitize
 
 _POLL_S = 0.2
@@ -23,17 +25,29 @@ _GRACE_S = 2.0
 class StackTrial:
     """Announces one goal, follows what the stack declares, and aborts; no call of it waits except `finish`."""
 
-    def __init__(self, stack: Stack, goal: Mapping[str, Any], directory: Path) -> None:
+    def __init__(
+        self,
+        stack: Stack,
+        goal: Mapping[str, Any],
+        directory: Path,
+        exchange: Exchange | None = None,
+        heard: ArrivalTopic | None = None,
+    ) -> None:
         """Announce a goal.
 
         Args:
             stack: the stack.
             goal: what is sent to it: `goal`, and `id`, `kind`, `category` and `text` of it.
             directory: in which its commands run.
+            exchange: the network of its robot, for topics and actions.
+            heard: the topic on which it says that it has arrived.
         """
         self._stack = stack
         self._goal = goal
         self._directory = directory
+        self._exchange = exchange
+        self._heard = heard
+        self._action: ActionGoal | None = None
         self._over = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._error: VsnbenchError | None = None
@@ -86,11 +100,30 @@ class StackTrial:
             self._abort_error = error_line(error)
 
     def _announce(self) -> None:
-        announce = self._stack.announce
+        announce, timeout_s = self._stack.announce, self._stack.timeout_s
+        if self._heard is not None:
+            self._heard.begin(timeout_s)
         if announce.http is not None:
             post(announce.http, self._goal, self._stack.timeout_s)
         elif announce.command is not None:
             self._process = self._start(announce.command)
+        elif announce.topic is not None:
+            self._publish(announce.topic)
+        elif announce.action is not None:
+            action = announce.action
+            self._action = self._network.send_goal(action.name, action.type, self._content(action), timeout_s)
+
+    def _publish(self, message: ToTopic) -> None:
+        self._network.publish(message.name, message.type, self._content(message), self._stack.timeout_s)
+
+    def _content(self, message: ToTopic | ToAction) -> dict[str, Any]:
+        return message.content_for(self._goal["goal"], self._goal.get("category", self._goal["goal"]))
+
+    @property
+    def _network(self) -> Exchange:
+        if self._exchange is None:
+            raise ModelError("the robot has no network of topics and actions", code="no-exchange")
+        return self._exchange
 
     def _ask(self) -> None:
         arrived, process = self._stack.arrived, self._process
@@ -101,6 +134,12 @@ class StackTrial:
             if not isinstance(state.get("arrived"), bool):
                 raise ModelError(f'the stack\'s answer at {arrived.http} has no "arrived": true or false')
             self._arrived = state["arrived"]
+        elif self._heard is not None:
+            self._arrived = self._heard.has_arrived
+        if self._action is not None and (outcome := self._action.outcome):
+            if outcome != "succeeded":
+                raise ModelError(f"the stack's action ended: {outcome}")
+            self._arrived = self._arrived or arrived.action is True
         if process is None or (code := process.poll()) is None:
             return
         if arrived.exit_code is not None and code == arrived.exit_code:
@@ -118,6 +157,10 @@ class StackTrial:
             code = self._start(abort.command).wait(self._stack.timeout_s)
             if code != 0:
                 raise ModelError(f"the command of `abort` ended with exit code {code}")
+        elif abort is not None and abort.topic is not None:
+            self._publish(abort.topic)
+        if self._action is not None:
+            self._action.cancel(self._stack.timeout_s)
         if process is not None:
             _end(process)
 

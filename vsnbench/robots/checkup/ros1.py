@@ -110,7 +110,7 @@ class Ros1Checkup(RosCheckup, TurnTest):
             yield CheckResult(fault.name, Health.FAILED if fault.fatal else Health.WARNING, fault.seen, fault.advice)
 
     def _base_results(self, readable: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-        from vsnbench.ros.ros1.battery import battery_in
+        from vsnbench.ros.ros1.messages import battery_in
 
         names = self.names
         if names.battery and readable[names.battery].messages:

@@ -57,8 +57,6 @@ class MovementRunner:
         """Odometry at the begin of the movement after the last observation; None before it begins."""
         self.outcome: MotionResult | None = None
         """What discrete_move reported of the last movement; None for a server that does not report it."""
-        self.others_drive = False
-        """Whether velocities of other publishers are expected, because a stack drives the robot."""
         self.driven_against = ""
         """Who still drove when the base was last held, or an empty string."""
         self._movement: Drive = STOP
@@ -248,7 +246,7 @@ class MovementRunner:
             raise MovementAlarmError(f"{hazard.value} ({where})")
         if now.contact:
             raise MovementAlarmError(f"touched {now.contact}")
-        if now.rival_s > self._requested_s and not self.others_drive:
+        if now.rival_s > self._requested_s and not self._link.others_drive:
             raise MovementAlarmError(rival_text(now.rival, names.command))
         if now.odometry_fault:
             raise MovementAlarmError(now.odometry_fault.text, sensor_lost=True)

@@ -125,7 +125,7 @@ class PathRunner:
     def come_to_rest(self) -> MotionResult:
         """Brake, and return the motion since the last result once the robot is at rest."""
         self._next = None
-        if self._movements.others_drive:
+        if self._link.others_drive:
             self._movements.force_standstill()
         elif self._thread is not None and not self._over:
             order = self._give(PathEnd.BRAKE)
@@ -305,7 +305,7 @@ class PathRunner:
                 self._path_m += self._last.distance_to(reading.pose)
                 self._last, self._read_s = reading.pose, reading.stamp_s
         order, state = self._order, self._link.path_state
-        if self._movements.others_drive:
+        if self._link.others_drive:
             return
         if order is None or (self._is_taken(order, state) and state.waits):
             self._waiting_s += self._measured_s - before_s

@@ -35,6 +35,7 @@ from vsnbench.robots.ros.start import (
     wait_until_ready,
 )
 from vsnbench.robots.ros.watchdog import require_watchdog
+from vsnbench.sensing.exchange import Exchange
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import ActionKind
@@ -85,7 +86,8 @@ class RosRobot(Robot):
         self._captured_s = -math.inf
         """Time of the last image of an observation."""
         self.movements = MovementRunner(self._link, self._settings)
-        self.movements.others_drive = self._by_stack
+        if self._by_stack:
+            self._link.expect_others()
         self._paths = PathRunner(self._link, self.movements)
         self._looks: PathLooks | None = None
         self._simulation: SimulationAccount | None = None
@@ -141,6 +143,11 @@ class RosRobot(Robot):
         sent = STANDSTILL if is_old else now.commanded
         velocity = (sent.linear_m_s, sent.lateral_m_s, sent.angular_rad_s)
         return velocity if all(map(math.isfinite, velocity)) else None
+
+    @property
+    def exchange(self) -> Exchange:
+        """Topics and actions of other nodes on the robot's network."""
+        return self._link.exchange
 
     @property
     def driven_against(self) -> str:

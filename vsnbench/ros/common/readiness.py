@@ -27,6 +27,8 @@ class Readiness(ABC):
     odometry_fault: Callable[[], str]
     """Returns why TF gives no odometry, or an empty string."""
     profile: RobotProfile
+    others_drive: bool = field(init=False, default=False)
+    """Whether a stack drives the robot, whose commands are expected."""
     _warned: set[str] = field(init=False, default_factory=set)
     _deaf_topics: set[str] = field(init=False, default_factory=set)
     """Topics of hazard sensors about which the session was warned."""

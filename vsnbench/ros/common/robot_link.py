@@ -13,6 +13,7 @@ from vsnbench.errors import RobotError
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.ros.common.messages import command_of, planar
 from vsnbench.ros.common.readiness import Readiness
+from vsnbench.sensing.exchange import Exchange
 from vsnbench.sensing.path_orders import PathOrder, PathState
 from vsnbench.sensing.robot_reports import RobotReports, RobotSnapshot
 from vsnbench.sensing.simulation import CATEGORIES, CONTACT, GROUND_TRUTH, INSTANCES
@@ -42,6 +43,7 @@ class RobotLink(ABC):
         names: interface of the profile, with full names of topics.
         image_turns: number of clockwise quarter turns that set an image upright.
         reports_lifting: whether the base has a topic that reports lifted wheels.
+        exchange: topics and actions of other nodes.
         adapter: card of the motion adapter that moves the robot; None without one.
     """
 
@@ -50,6 +52,7 @@ class RobotLink(ABC):
     reports_lifting = False
     adapter: MotionCard | None = None
     names: RosInterface
+    exchange: Exchange
     _readiness: Readiness
 
     def __init__(self, profile: RobotProfile) -> None:
@@ -63,6 +66,15 @@ class RobotLink(ABC):
         self._hold.release()
         time.sleep(_LAST_MESSAGES_S)
         self._disconnect()
+
+    @property
+    def others_drive(self) -> bool:
+        """Whether a stack drives the robot, whose commands are expected."""
+        return self._readiness.others_drive
+
+    def expect_others(self) -> None:
+        """Let a stack drive the robot during this session."""
+        self._readiness.others_drive = True
 
     def snapshot(self) -> RobotSnapshot:
         """Return the newest reports of the robot."""

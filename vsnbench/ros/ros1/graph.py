@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from vsnbench.errors import RobotError
 from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.ros.ros1.master import SystemState
 
 _TWIST = "geometry_msgs/Twist"
+OTHER_STEERING: Final = "other-steering-node"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,6 @@ def _steered_by_others(names: Ros1Interface, state: SystemState, own_nodes: froz
             f"{', '.join(others)} can also steer the base",
             "end that node, unless it only relays commands",
             fatal=False,
-            code="other-steering-node",
+            code=OTHER_STEERING,
         )
     ]

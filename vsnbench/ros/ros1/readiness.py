@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from vsnbench.errors import RobotError
 from vsnbench.ros.common.readiness import Readiness
-from vsnbench.ros.ros1.graph import graph_faults, steering_nodes, unregistered_publisher
+from vsnbench.ros.ros1.graph import OTHER_STEERING, graph_faults, steering_nodes, unregistered_publisher
 from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.ros.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros.ros1.service_call import ServiceClient
@@ -41,7 +41,8 @@ class Ros1Readiness(Readiness):
         for fault in graph_faults(names, state, types, frozenset({master.caller})):
             if fault.fatal:
                 return fault.error
-            self._warn_once(str(fault.error))
+            if not (self.others_drive and fault.code == OTHER_STEERING):
+                self._warn_once(str(fault.error))
         self.steering = steering_nodes(names, state, types)
         return None
 

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from vsnbench.control.command import Command
 from vsnbench.ros.common.robot_link import RobotLink, placement_seed
-from vsnbench.ros.ros1.battery import subscribe_battery
+from vsnbench.ros.ros1.exchange import Ros1Exchange
 from vsnbench.ros.ros1.hazard_events import subscribe_hazards, subscribe_states
 from vsnbench.ros.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros.ros1.master import Master
@@ -28,7 +28,7 @@ from vsnbench.ros.ros1.node import leave_network, now_s, publish_while_open, sta
 from vsnbench.ros.ros1.readiness import Ros1Readiness
 from vsnbench.ros.ros1.service_call import ServiceClient
 from vsnbench.ros.ros1.service_words import words_of
-from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of
+from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of, subscribe_battery
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.encoding.motion_answer import result_of_answer
@@ -54,6 +54,7 @@ class Ros1Link(RobotLink):
         self.names = names = ros1_interface(profile)
         self.reports_lifting = bool(names.wheel_drop)
         self.master: Master = start_node(NODE)
+        self.exchange = Ros1Exchange(self.master)
         self.discrete_move = ServiceClient(names.discrete_move, DiscreteServer, self.master)
         self._drive = ServiceClient(f"{names.discrete_move}/drive", DiscreteServer, self.master)
         self._reset = ServiceClient(f"{names.discrete_move}/reset", Trigger, self.master)

@@ -14,7 +14,6 @@ from std_msgs.msg import Bool, Empty, String
 from vsnbench.ros.common.interface import OdometryFrames
 from vsnbench.ros.common.messages import PinholeMatrices, fill_image, fill_odometry
 from vsnbench.ros.common.simulated_robot import NODE, SimulatedRobotTask
-from vsnbench.ros.ros1.battery import battery_message
 from vsnbench.ros.ros1.interface import Ros1Interface, ros1_interface
 from vsnbench.ros.ros1.master import Master, MasterError
 from vsnbench.ros.ros1.messages import (
@@ -23,6 +22,7 @@ from vsnbench.ros.ros1.messages import (
     PlaceRobot,
     PlaceRobotResponse,
     WheelDropEvent,
+    battery_message,
     tf_message,
 )
 from vsnbench.sensing.simulation import PLACE

@@ -1,4 +1,4 @@
-"""Subscriptions to the topics of a robot over ROS 1: its odometry, and any topics for the check-up."""
+"""Subscriptions to the topics of a robot over ROS 1: its odometry and battery, and any topics for the check-up."""
 
 import struct
 from collections.abc import Callable, Iterable
@@ -11,8 +11,9 @@ from sensor_msgs.msg import Imu
 from vsnbench.ros.common.odometry import OdometryReader, TakeAttitude, TakeOdometry
 from vsnbench.ros.common.topic_listener import TopicListener
 from vsnbench.ros.ros1.interface import Ros1Interface
-from vsnbench.ros.ros1.messages import MESSAGE_CLASSES, TFMessage
+from vsnbench.ros.ros1.messages import MESSAGE_CLASSES, TFMessage, battery_in
 from vsnbench.ros.ros1.node import leave_network, start_node
+from vsnbench.values.battery import Battery
 
 _TF_QUEUE = 100
 
@@ -53,6 +54,13 @@ class Ros1Odometry(OdometryReader[str]):
 def sender_of(message: Any) -> str:
     """Return the node that published a message."""
     return str(message._connection_header.get("callerid", "?"))  # noqa: SLF001
+
+
+def subscribe_battery(names: Ros1Interface, take: Callable[[Battery | None], None]) -> None:
+    """Pass every battery report of a base to `take`."""
+    if names.battery:
+        kind = MESSAGE_CLASSES[names.battery_type]
+        rospy.Subscriber(names.battery, kind, lambda message: take(battery_in(message)), queue_size=1)
 
 
 def message_of(kind: str, data: bytes) -> Any:

@@ -17,6 +17,7 @@ from vsnbench.errors import NoAnswerError, RobotError
 from vsnbench.ros.common.discrete_move import mover_of
 from vsnbench.ros.common.robot_link import RobotLink, placement_seed
 from vsnbench.ros.ros2.docking import Dock, subscribe_dock
+from vsnbench.ros.ros2.exchange import Ros2Exchange
 from vsnbench.ros.ros2.graph import Graph
 from vsnbench.ros.ros2.hazard_events import subscribe_hazards
 from vsnbench.ros.ros2.interface import Ros2Interface, ros2_interface
@@ -61,6 +62,7 @@ class Ros2Link(RobotLink):
         self.node = Ros2Node(f"vsnbench_{time.time_ns() // 1_000_000}", names.root)
         try:
             self.graph = Graph(self.node)
+            self.exchange = Ros2Exchange(self.node, self.graph)
             self.velocities = Velocities(self.node, self.graph, names, self._on_command)
             self._discrete_move = TopicServiceClient(self.node, names.discrete_move)
             self._place = TopicServiceClient(self.node, names.simulation_topic(PLACE))

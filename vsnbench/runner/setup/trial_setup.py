@@ -24,6 +24,7 @@ from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import create_policy, keywords_of, locate
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.stack.policy import StackPolicy
 from vsnbench.models.step_sizes import wrong_assumptions
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -244,6 +245,8 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
     check_execution(spec.parameters, spec.disturbances, robot, description.card)
+    if isinstance(model, StackPolicy):
+        model.join(robot.exchange)
     return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
 
 

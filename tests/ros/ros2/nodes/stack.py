@@ -1,4 +1,8 @@
-"""A stack of another project: it knows nothing of vsnbench, takes goals by HTTP or as an argument, and drives.
+"""A stack of another project: it knows nothing of vsnbench, and drives.
+
+It takes goals by HTTP or as an argument; by a topic, and publishes five times a second or once that it has arrived
+(`--ways topic`, `event`); or as an action, like Nav2's bt_navigator: it accepts a goal, and ends it as succeeded,
+aborted, or canceled on request (navigation2, nav2_util's SimpleActionServer).
 
 Its path for each goal is in the frame of the robot when the goal arrives. `after` says what it does at the end.
 """
@@ -14,7 +18,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Bool, Empty, String
 
 words = argparse.ArgumentParser()
 words.add_argument("root")
@@ -22,6 +30,7 @@ words.add_argument("paths", type=json.loads)
 words.add_argument("--port", type=int, default=0)
 words.add_argument("--goal", default="")
 words.add_argument("--after", default="arrive", choices=["arrive", "fail", "wait", "drive-on", "die", "never-begin"])
+words.add_argument("--ways", default="http", choices=["http", "topic", "event", "action"])
 words.add_argument("--answer", default="", choices=["", "500", "hang", "huge", "words"])
 given = words.parse_args()
 
@@ -42,7 +51,9 @@ class Stack:
         self.has_odometry = threading.Event()
         self.is_cancelled = threading.Event()
         self.state: dict[str, object] = {"arrived": False}
-        threading.Thread(target=rclpy.spin, args=(self.node,), daemon=True).start()
+        executor = MultiThreadedExecutor(4)
+        executor.add_node(self.node)
+        threading.Thread(target=executor.spin, daemon=True).start()
 
     def take(self, message: Odometry) -> None:
         at, turn = message.pose.pose.position, message.pose.pose.orientation
@@ -79,6 +90,8 @@ class Stack:
             return
         if given.after == "die":
             os._exit(3)
+        if given.ways == "event" and given.after == "arrive":
+            self.arrival.publish(Bool(data=True))
         if given.after == "fail":
             self.state = {"arrived": False, "failed": "no path to the goal"}
         if given.after in ("arrive", "drive-on"):
@@ -88,6 +101,52 @@ class Stack:
             while time.monotonic() < ends_s:
                 self.send(0.25, 0.0)
         self.send(0.0, 0.0)
+
+    def serve_topics(self) -> None:
+        """Take goals on a topic, and say on another one whether the last one has been reached."""
+        self.arrival = self.node.create_publisher(Bool, f"{given.root}/their/arrived", 10)
+        self.node.create_subscription(String, f"{given.root}/their/goal", self.take_goal, 10)
+        self.node.create_subscription(Empty, f"{given.root}/their/abort", self.take_abort, 10)
+        if given.ways == "topic":
+            self.node.create_timer(0.2, lambda: self.arrival.publish(Bool(data=bool(self.state["arrived"]))))
+
+    def take_goal(self, message: String) -> None:
+        print("goal", message.data, flush=True)
+        threading.Timer(0.3, self.drive, (message.data,)).start()  # its old state stays for a moment
+
+    def take_abort(self, _: Empty) -> None:
+        print("abort", flush=True)
+        self.is_cancelled.set()
+
+    def serve_action(self) -> None:
+        """Take goals as an action whose `order` is the number of the path."""
+        from test_msgs.action import Fibonacci
+
+        def execute(handle) -> Fibonacci.Result:  # type: ignore[no-untyped-def]
+            goal = list(given.paths)[handle.request.order]
+            print("goal", goal, flush=True)
+            self.drive(goal)
+            if handle.is_cancel_requested:
+                handle.canceled()
+            elif self.state["arrived"]:
+                handle.succeed()
+            else:
+                handle.abort()
+            return Fibonacci.Result()
+
+        def cancel(_: object) -> CancelResponse:
+            print("abort", flush=True)
+            self.is_cancelled.set()
+            return CancelResponse.ACCEPT
+
+        self.server = ActionServer(
+            self.node,
+            Fibonacci,
+            f"{given.root}/navigate",
+            execute,
+            cancel_callback=cancel,
+            callback_group=ReentrantCallbackGroup(),
+        )
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -127,6 +186,10 @@ stack = Stack()
 if given.goal:
     stack.drive(given.goal)
     os._exit(0 if stack.state["arrived"] else 4)  # the thread of rclpy would abort the process
+if given.ways == "action":
+    stack.serve_action()
+elif given.ways != "http":
+    stack.serve_topics()
 server = ThreadingHTTPServer(("127.0.0.1", given.port), Handler)
 print("listens", server.server_port, flush=True)
 server.serve_forever()

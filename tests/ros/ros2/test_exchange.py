@@ -1,0 +1,137 @@
+"""Messages and actions between a stack and vsnbench: two nodes of one process on a real graph."""
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.processes import wait_until
+from tests.ros.ros2.graph import Domain
+from vsnbench.errors import ModelError, ModelLostError
+
+pytestmark = pytest.mark.ros2
+
+BOOL = "std_msgs/msg/Bool"
+
+
+@pytest.fixture(scope="module")
+def nodes() -> Iterator[SimpleNamespace]:
+    """Our exchange, and the node of a stack."""
+    from vsnbench.ros.ros2.exchange import Ros2Exchange
+    from vsnbench.ros.ros2.graph import Graph
+    from vsnbench.ros.ros2.node import Ros2Node
+
+    domain = Domain()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain.number))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        ours, theirs = Ros2Node("vsnbench_1", "/robot1"), Ros2Node("their_stack")
+    yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), theirs=theirs)
+    theirs.close()
+    ours.close()
+    domain.close()
+
+
+def test_a_message_reaches_the_node_that_takes_it(nodes: SimpleNamespace) -> None:
+    taken: list[str] = []
+    nodes.theirs.subscribe_text("/robot1/goal", taken.append)
+    nodes.ours.publish("goal", "std_msgs/String", {"data": "chair"}, 20.0)
+    wait_until(lambda: taken == ["chair"], "the goal is taken")
+    with pytest.raises(ModelError) as caught:
+        nodes.ours.publish("goal", BOOL, {}, 0.3)
+    assert caught.value.code == "wrong-topic-type"
+    with pytest.raises(ModelLostError, match=r"no node subscribes to /nowhere \(std_msgs/msg/String\)"):
+        nodes.ours.publish("/nowhere", "std_msgs/String", {}, 0.3)
+
+
+@pytest.mark.parametrize("is_lossy", [False, True], ids=["reliable", "best-effort"])
+def test_messages_of_a_node_are_heard_whatever_its_quality(nodes: SimpleNamespace, is_lossy: bool) -> None:
+    from std_msgs.msg import Bool
+
+    from vsnbench.ros.ros2.node import RELIABLE, SENSOR_DATA
+
+    topic = f"/arrived_{is_lossy}".lower()
+    publisher = nodes.theirs.rclpy.create_publisher(Bool, topic, SENSOR_DATA if is_lossy else RELIABLE)
+    nodes.ours.await_publisher(topic, BOOL, 20.0)
+    heard: list[Any] = []
+    nodes.ours.listen(topic, BOOL, heard.append)
+    wait_until(lambda: publisher.get_subscription_count() == 1, "it is subscribed to")
+    publisher.publish(Bool(data=True))
+    wait_until(lambda: [message.data for message in heard] == [True], "it is heard")
+    with pytest.raises(ModelError) as caught:
+        nodes.ours.await_publisher(topic, "std_msgs/Int8", 0.3)
+    assert caught.value.code == "wrong-topic-type"
+    with pytest.raises(ModelLostError, match="no node publishes /silent"):
+        nodes.ours.await_publisher("/silent", BOOL, 0.3)
+
+
+def test_an_action_succeeds_aborts_is_refused_or_canceled(nodes: SimpleNamespace) -> None:
+    from rclpy.action import ActionServer, CancelResponse, GoalResponse
+    from test_msgs.action import Fibonacci
+
+    kind, cancelled = "test_msgs/action/Fibonacci", []
+
+    async def execute(handle: Any) -> Any:
+        while handle.request.order == 3 and not handle.is_cancel_requested:
+            await _pause(nodes.theirs.rclpy)
+        {1: handle.succeed, 2: handle.abort, 3: handle.canceled}[handle.request.order]()
+        return Fibonacci.Result()
+
+    def cancel(_: Any) -> Any:
+        cancelled.append(1)
+        return CancelResponse.ACCEPT
+
+    server = ActionServer(
+        nodes.theirs.rclpy,
+        Fibonacci,
+        "/navigate",
+        execute,
+        goal_callback=lambda goal: GoalResponse.REJECT if goal.order == 0 else GoalResponse.ACCEPT,
+        cancel_callback=cancel,
+    )
+    for order, outcome in ((1, "succeeded"), (2, "aborted"), (0, "refused")):
+        goal = nodes.ours.send_goal("/navigate", kind, {"order": order}, 20.0)
+        wait_until(lambda goal=goal, outcome=outcome: goal.outcome == outcome, f"it has {outcome}")
+        goal.cancel(1.0)  # has ended
+    assert not cancelled
+    goal = nodes.ours.send_goal("/navigate", kind, {"order": 3}, 20.0)
+    goal.cancel(20.0)
+    wait_until(lambda: goal.outcome == "canceled", "it is canceled")
+    with pytest.raises(ModelLostError, match="no node offers the action /other"):
+        nodes.ours.send_goal("/other", kind, {}, 0.3)
+    server.destroy()
+
+
+async def _pause(node: Any) -> None:
+    from rclpy.task import Future
+
+    future = Future()
+    timer = node.create_timer(0.02, lambda: future.set_result(None))
+    await future
+    timer.cancel()
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "code", "says"),
+    [
+        ("their_msgs/msg/Goal", {}, "unknown-message-type", "their_msgs/msg/Goal is not installed here"),
+        ("std_msgs/msg/Goal", {}, "unknown-message-type", "std_msgs/msg/Goal is not installed here"),
+        (BOOL, {"dat": True}, "unknown-message-field", "no field dat; it has data"),
+        (BOOL, {"data": 1}, "unknown-message-field", "data is a boolean: got 1"),
+        ("std_msgs/Int8", {"data": 400}, "unknown-message-field", "data is a int8"),
+        ("geometry_msgs/PoseStamped", {"pose": 1}, "unknown-message-field", "pose is a geometry_msgs/Pose"),
+        ("geometry_msgs/PoseStamped", {"pose": {"position": {"x": "a"}}}, "unknown-message-field", "pose.position.x"),
+        ("std_msgs/String", {"data": {"a": 1}}, "unknown-message-field", "data is a string"),
+    ],
+)
+def test_content_that_does_not_fit_its_type_is_an_error(
+    nodes: SimpleNamespace, kind: str, content: dict[str, Any], code: str, says: str
+) -> None:
+    with pytest.raises(ModelError) as caught:
+        nodes.ours.check(kind, content)
+    assert (caught.value.code, says in str(caught.value)) == (code, True)
+
+
+def test_whole_numbers_are_taken_where_a_field_has_a_fraction(nodes: SimpleNamespace) -> None:
+    nodes.ours.check("geometry_msgs/PoseStamped", {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1}}})
