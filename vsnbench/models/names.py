@@ -41,14 +41,14 @@ def is_address(name: str) -> bool:
     return name.startswith(("ws://", "wss://"))
 
 
-_STACK = "stack:"
+STACK_PREFIX = "stack:"
 
 
 def is_stack(name: str) -> bool:
     """Return whether a name is `stack:` with the file of a stack that drives itself."""
-    return name.startswith(_STACK)
+    return name.startswith(STACK_PREFIX)
 
 
 def stack_file(name: str) -> Path:
     """Return the file of a stack's name."""
-    return Path(name.removeprefix(_STACK))
+    return Path(name.removeprefix(STACK_PREFIX))

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.protocol.execution import Execution
 from vsnbench.sensing.exchange import Exchange
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import ActionKind
@@ -123,6 +124,12 @@ class Robot(ABC):
     def driven_against(self) -> str:
         """Node that kept commanding velocities after the robot was last brought to rest; empty if none did."""
         return ""
+
+    def set_execution(self, execution: Execution | None) -> None:
+        """Take how the next episodes are executed, which decides `drives_on`; None for stop-and-go.
+
+        Called before `begin` in a study, whose arms may be models and stacks. Does nothing by default.
+        """
 
     def wait_until_ready(self) -> None:
         """Wait until every part of the robot answers. Called before the operator is asked to place the robot.

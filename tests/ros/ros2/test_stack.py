@@ -235,3 +235,34 @@ def test_a_stack_that_fails_is_void_with_its_reason(
     ((error,),) = rows(tmp_path, "select error from episode order by id desc limit 1")
     assert [verdict[:2] for verdict in verdicts] == [(None, reason)]
     assert says in error
+
+
+@pytest.mark.long
+@pytest.mark.timeout(700)
+def test_a_locked_blind_study_compares_a_policy_with_a_stack(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    _, address = start_stack()
+    (tmp_path / "secret_planner.yaml").write_text(f'name: theirs\nversion: "1"\n{ways_of(address)}\n')
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        "title: two ways\nquestion: which one finds the sofa more often\n"
+        "arms: {ours: {model: forward}, planned: {model: 'stack:secret_planner.yaml'}}\n"
+        f"goals: [sofa]\nstarting_positions: 1-6\nrobot: {robot_of(graph)}\nprotocol: {{max_actions: 6}}\n"
+    )
+    results = ("--results", tmp_path / "results")
+    said = {}
+    for words in (("lock", study), ("run", study), ("report", study), ("unblind", study, "--reason", "done")):
+        one = graph.vsnbench("study", *words, *results)
+        one.wait(500)
+        assert one.popen.returncode == 0, one.output
+        said[words[0]] = one.output
+    assert not re.search("theirs|planned|secret_planner", said["run"] + said["report"])
+    drives = rows(
+        tmp_path,
+        "select model.name, json_extract(protocol, '$.execution.driver'), count(*) from episode "
+        "join trial on trial.id = trial_id join campaign on campaign.id = trial.campaign_id "
+        "join model on model.id = model_id group by 1, 2 order by 1",
+    )
+    assert drives == [("forward", None, 6), ("theirs", "stack", 6)]
+    assert "theirs" in said["unblind"]

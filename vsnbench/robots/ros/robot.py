@@ -17,6 +17,7 @@ from vsnbench.control.command import STANDSTILL
 from vsnbench.control.legs import longest_duration_s
 from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError, SensorLostError
+from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot, Watch
 from vsnbench.robots.ros.camera import CAMERA_TIMEOUT_S, RosCamera
@@ -81,13 +82,9 @@ class RosRobot(Robot):
         self._patience_s = patience_s
         self._start: Pose | None = None
         self._link = connect(profile)
-        self._continuous = parameters.execution is not None
-        self._by_stack = parameters.execution is not None and parameters.execution.is_by_stack
         self._captured_s = -math.inf
         """Time of the last image of an observation."""
         self.movements = MovementRunner(self._link, self._settings)
-        if self._by_stack:
-            self._link.expect_others()
         self._paths = PathRunner(self._link, self.movements)
         self._looks: PathLooks | None = None
         self._simulation: SimulationAccount | None = None
@@ -98,18 +95,11 @@ class RosRobot(Robot):
                 self._link.join_simulation()
                 self._simulation = await_account(self._link, profile, patience)
             self.can_be_watched = bool(self._link.names.command)
-            self.drives_on = self.can_be_watched if self._by_stack else self._link.follows_paths
-            if self._continuous and self.drives_on:
-                self._require_timed_images()
-            if not self._by_stack:
-                require_watchdog(self._link, profile)
             self.is_rehearsal = self._simulation is not None and self._simulation.is_rehearsal
             self.needs_operator = self._simulation is None or self.is_rehearsal
             self._camera = RosCamera(self._link, profile)
-            if self._continuous:
-                self._camera.depth_frames = min(self._camera.depth_frames, 1)  # of a moment, while the robot drives
-            frames = self._camera.depth_frames
-            self.conditions: Mapping[str, Any] = conditions_of(self._link, profile, self._simulation, frames)
+            self._depth_frames = self._camera.depth_frames
+            self.set_execution(parameters.execution)
         except BaseException:
             self._link.close()
             raise
@@ -121,6 +111,24 @@ class RosRobot(Robot):
             | ({Sensor.DEPTH} if self._link.names.depth else set())
             | ({Sensor.INSTANCES} if self._camera.labelled else set())
         )
+
+    def set_execution(self, execution: Execution | None) -> None:
+        """Take how the next episodes are executed; see `Robot`.
+
+        Raises:
+            RobotError: the images cannot be timed while the robot drives, or the base does not stop by itself.
+        """
+        self._continuous = execution is not None
+        self._by_stack = execution is not None and execution.is_by_stack
+        self._link.others_drive = self._by_stack
+        self.drives_on = self.can_be_watched if self._by_stack else self._link.follows_paths
+        if self._continuous and self.drives_on:
+            self._require_timed_images()
+        if not self._by_stack:
+            require_watchdog(self._link, self.profile)
+        frames = min(self._depth_frames, 1) if self._continuous else self._depth_frames  # of a moment, while it drives
+        self._camera.depth_frames = frames
+        self.conditions: Mapping[str, Any] = conditions_of(self._link, self.profile, self._simulation, frames)
 
     @property
     def identity(self) -> RobotIdentity:

@@ -72,9 +72,9 @@ class RobotLink(ABC):
         """Whether a stack drives the robot, whose commands are expected."""
         return self._readiness.others_drive
 
-    def expect_others(self) -> None:
-        """Let a stack drive the robot during this session."""
-        self._readiness.others_drive = True
+    @others_drive.setter
+    def others_drive(self, expected: bool) -> None:
+        self._readiness.others_drive = expected
 
     def snapshot(self) -> RobotSnapshot:
         """Return the newest reports of the robot."""

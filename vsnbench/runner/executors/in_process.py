@@ -111,6 +111,8 @@ class InProcessExecutor(TrialExecutor):
             journal.release(claim.id)
             raise
         plan = session.plan(claim)
+        if session.parameters_of:
+            self._robot.set_execution(plan.parameters.execution)
         recorder = EpisodeRecorderFanOut(journal, session.recording, self.robot.profile, model.title, claim)
         try:
             with leases_renewed(journal, [claim]):

@@ -1,7 +1,7 @@
 """What the trial loop works with: the session, sources of trials, executors, and the events that executors report."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -125,6 +125,8 @@ class Session:
     recording: RecordingOptions
     site: Site
     parameters: ProtocolParameters
+    parameters_of: Mapping[int, ProtocolParameters] = field(default_factory=dict)
+    """By the campaign's id, where a campaign has others."""
     disturbances: Disturbances = NONE
     """Of what the policy sees."""
     stop_requests: StopRequests = field(default_factory=StopRequests)
@@ -142,7 +144,8 @@ class Session:
         """Return the plan of a claimed trial's episode."""
         trial = claim.trial
         start = self.site.start(trial.start)
-        return EpisodePlan(self.site, trial.goal, start, claim.seed, self.parameters, self.disturbances)
+        parameters = self.parameters_of.get(trial.campaign_id, self.parameters)
+        return EpisodePlan(self.site, trial.goal, start, claim.seed, parameters, self.disturbances)
 
     def show_end(self, ended: EpisodeEnded) -> None:
         """Show the operator how an episode of a worker ended."""

@@ -70,14 +70,19 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
         )
 
 
+def needs_person(card: ModelCard) -> bool:
+    """Return whether a person has to start a stack, or to say that it has arrived; False for a model."""
+    ways = card.settings.get(STACK, {})
+    return "operator" in {*ways.get("announce", {}), *ways.get("arrived", {})}
+
+
 def check_stack_without_person(card: ModelCard) -> None:
     """Check that no person has to start a stack, or to say that it has arrived.
 
     Raises:
         UsageError: one has (`needs-operator`).
     """
-    ways = card.settings.get(STACK, {})
-    if "operator" in {*ways.get("announce", {}), *ways.get("arrived", {})}:
+    if needs_person(card):
         raise UsageError(
             f"stack {card.name} needs an operator to start it or to say that it has arrived, and none is present",
             advice="add --console, for a page in the operator's browser",

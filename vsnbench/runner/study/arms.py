@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import StudyError, UsageError
+from vsnbench.models.names import STACK_PREFIX, is_stack, stack_file
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.studies.entries import RecordedStudy
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import open_robot
+from vsnbench.runner.setup.execution import needs_person, rules_for
 from vsnbench.runner.setup.launch import check_survey
 from vsnbench.runner.setup.selection import choose_goals, choose_starts, resolve_goals
 from vsnbench.runner.setup.trial_setup import (
@@ -82,6 +85,15 @@ class StudyPlace:
         """Why the plan cannot lead to a conclusion; empty if it can."""
         return design_error(self.study, self.shared_blocks)
 
+    def model(self, arm: str) -> str:
+        """Return the name of an arm's model; the file of a stack is relative to the study's."""
+        model = self.study.arms[arm].model
+        return f"{STACK_PREFIX}{self.directory / stack_file(model)}" if is_stack(model) else model
+
+    def rules(self, arm: str) -> ProtocolParameters:
+        """Return the protocol of an arm: the study's, in which a stack drives the robot itself."""
+        return rules_for(self.study.arms[arm].model, self.study.protocol)
+
     def options(self, arm: str) -> dict[str, Any]:
         """Return the options of an arm's model, with paths relative to the study's file resolved."""
         return {
@@ -129,18 +141,25 @@ class StudyPlace:
         chosen = self.study.arms[arm]
         spec = TrialSetupSpec(
             site=self.site,
-            model=chosen.model,
+            model=self.model(arm),
             goals=self.study.goals_of(arm),
             robot=self.study.robot,
             noise=self.study.noise,
             rehearsal=self.study.rehearse,
-            parameters=self.study.protocol,
+            parameters=self.rules(arm),
             model_options=self.options(arm),
             act_timeout_s=chosen.act_timeout,
         )
+        robot.set_execution(spec.parameters.execution)
         policy = load_policy(spec)
         try:
             goals = choose_goals(spec.goals, spec.site, policy.card)
+            if self.study.blind and needs_person(policy.card):
+                raise StudyError(
+                    f"arm {arm}: a person starts this stack or says that it has arrived, and the study is blind",
+                    advice="let it be announced and arrive another way, or set blind: false",
+                    code="needs-operator",
+                )
             return prepare_setup(replace(spec, goals=goals), policy, robot)
         except BaseException as error:
             close_policy(policy)
@@ -155,7 +174,7 @@ class StudyPlace:
             site=self.site,
             robot=description.robot,
             model=description.card,
-            protocol=self.study.protocol,
+            protocol=self.rules(arm),
             seed=self.study.seed,
             trials=self.trials(arm),
             conditions=description.conditions,
@@ -216,7 +235,7 @@ def revealing_words(place: StudyPlace, recorded: RecordedStudy) -> frozenset[str
     words: set[str] = set()
     for name, arm in place.study.arms.items():
         words |= {name, arm.model}
-        for path in (arm.weights, arm.model_settings):
+        for path in (arm.weights, arm.model_settings, str(stack_file(arm.model)) if is_stack(arm.model) else None):
             if path and path != "embedded":
                 words |= {path, Path(path).name, Path(path).stem, str(place.directory / path)}
     for locked in recorded.arms:

@@ -131,7 +131,7 @@ class RedactedPolicy(Policy):
         self._policy = policy
         self._redaction = redaction
         self.card = policy.card
-        self.needs_survey = policy.needs_survey
+        self.needs_survey, self.asks_operator = policy.needs_survey, policy.asks_operator
 
     def reset(self, goal: str, seed: int) -> None:
         """Start an episode."""
@@ -143,12 +143,17 @@ class RedactedPolicy(Policy):
         """Start an episode."""
         with self._redaction.call():
             self._policy.begin(task)
-            self.card = self._policy.card
+            self.card, self.announcement = self._policy.card, self._policy.announcement
 
     def act(self, observation: Observation) -> Decision:
         """Return the next action."""
         with self._redaction.call():
             return self._policy.act(observation)
+
+    def end_episode(self) -> None:
+        """Say that the episode has ended."""
+        with self._redaction.call():
+            self._policy.end_episode()
 
     def close(self) -> None:
         """Close the policy."""

@@ -59,6 +59,7 @@ def run_study(request: StudyRequest, operators: OperatorProvider, viewer: Episod
             recording=RecordingOptions(request.results, viewer, provenance.operator),
             site=place.site,
             parameters=place.study.protocol,
+            parameters_of={arm.campaign_id: place.rules(arm.name) for arm in recorded.arms},
             label=recorded.title,
             trials=TrialCounts(len(progress), len(results), sum(results)),
             campaign_ids=tuple(arm.campaign_id for arm in recorded.arms),
