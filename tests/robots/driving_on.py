@@ -177,7 +177,7 @@ def check_stop_on_page(robot: DrivenRobot, results: Path, *words: str) -> None:
         *("--model", "tests.robots.onward:Onward", "--goal", "chair", "--starts", "1", "--continuous", "0.3"),
         *("--console=:0", "--results", str(results), *words),
     )
-    anna = _signed_in(run)
+    anna = signed_in(run)
     wait_until(lambda: (anna.ask("GET", "/state").json["question"] or {}).get("kind") == "place", "it asks to place")
     question = anna.ask("GET", "/state").json["question"]["number"]
     assert anna.post("/answer", question=question, answer="go").status == 200
@@ -195,7 +195,9 @@ def check_stop_on_page(robot: DrivenRobot, results: Path, *words: str) -> None:
     assert "Anna" in end[1]
 
 
-def _signed_in(run: Process) -> Browser:
+def signed_in(run: Process) -> Browser:
+    """Return the browser of an operator who has opened the page of a run."""
+
     def address() -> "re.Match[str] | None":
         assert run.popen.poll() is None, run.output
         return re.search(r"http://\S+token=\S+", run.output)

@@ -26,6 +26,8 @@ def test_a_rehearsal_over_ros_1_is_placed_and_judged_on_the_page(tmp_path) -> No
         judged = "select source, author, success from verdict where source = 'person'"
         assert connection.execute(judged).fetchall() == [("person", NAME, 1)]
         placed = "select author, determined, within_tolerance from placement join episode e on e.id = episode_id"
-        assert connection.execute(f"{placed} where e.state = 'judged' and moment = 'start'").fetchall() == [(NAME, 1, 1)]
+        assert connection.execute(f"{placed} where e.state = 'judged' and moment = 'start'").fetchall() == [
+            (NAME, 1, 1)
+        ]
         battery = connection.execute("select text from event where kind = 'battery' order by id").fetchall()
         assert battery[0][0].endswith("%")

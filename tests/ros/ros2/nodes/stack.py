@@ -30,6 +30,7 @@ words.add_argument("paths", type=json.loads)
 words.add_argument("--port", type=int, default=0)
 words.add_argument("--goal", default="")
 words.add_argument("--after", default="arrive", choices=["arrive", "fail", "wait", "drive-on", "die", "never-begin"])
+words.add_argument("--map", type=open)  # ways by goal, in the frame of the site: it knows where it is
 words.add_argument("--ways", default="http", choices=["http", "topic", "event", "action"])
 words.add_argument("--answer", default="", choices=["", "500", "hang", "huge", "words"])
 given = words.parse_args()
@@ -48,6 +49,12 @@ class Stack:
         self.publisher = self.node.create_publisher(self.kind, topic, 10)
         self.node.create_subscription(Odometry, f"{given.root}/odom", self.take, qos_profile_sensor_data)
         self.pose = (0.0, 0.0, 0.0)
+        self.ways = json.load(given.map) if given.map else {}
+        if self.ways:
+            self.node.create_subscription(
+                Odometry, f"{given.root}/simulation/ground_truth", self.localize, qos_profile_sensor_data
+            )
+        self.where = (0.0, 0.0)
         self.has_odometry = threading.Event()
         self.is_cancelled = threading.Event()
         self.state: dict[str, object] = {"arrived": False}
@@ -59,6 +66,18 @@ class Stack:
         at, turn = message.pose.pose.position, message.pose.pose.orientation
         self.pose = at.x, at.y, 2 * math.atan2(turn.z, turn.w)
         self.has_odometry.set()
+
+    def localize(self, message: Odometry) -> None:
+        self.where = message.pose.pose.position.x, message.pose.pose.position.y
+
+    def path_to(self, goal: str) -> list[list[float]]:
+        """Return a path in the robot's frame: the given one, or the way that begins where it is."""
+        if not self.ways:
+            return given.paths[goal]
+        way = min(self.ways[goal], key=lambda way: math.dist(way[0][:2], self.where))
+        x0, y0, heading0 = way[0]
+        cos, sin = math.cos(heading0), math.sin(heading0)
+        return [[cos * (x - x0) + sin * (y - y0), cos * (y - y0) - sin * (x - x0)] for x, y, _ in way[1:]]
 
     def send(self, linear_m_s: float, angular_rad_s: float) -> None:
         message = self.kind()
@@ -75,7 +94,7 @@ class Stack:
             return
         self.has_odometry.wait(10)
         x0, y0, heading0 = self.pose
-        for x_m, y_m in given.paths[goal]:
+        for x_m, y_m in self.path_to(goal):
             to_x = x0 + x_m * math.cos(heading0) - y_m * math.sin(heading0)
             to_y = y0 + x_m * math.sin(heading0) + y_m * math.cos(heading0)
             while not self.is_cancelled.is_set():
@@ -123,7 +142,7 @@ class Stack:
         from test_msgs.action import Fibonacci
 
         def execute(handle) -> Fibonacci.Result:  # type: ignore[no-untyped-def]
-            goal = list(given.paths)[handle.request.order]
+            goal = list(given.paths or self.ways)[handle.request.order]
             print("goal", goal, flush=True)
             self.drive(goal)
             if handle.is_cancel_requested:
