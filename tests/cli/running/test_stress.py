@@ -11,7 +11,8 @@ import pytest
 
 from tests.cli.test_record_verbs import Done, vsnbench
 
-TRIALS = ("--model", "oracle", "--goal", "chair", "--starts", "1-2", "--max-steps", "40")
+CAMERA = ("--robot", "simulated:turtlebot2@64x48")
+TRIALS = ("--model", "oracle", "--goal", "chair", "--starts", "1-2", "--max-steps", "40", *CAMERA)
 STRESS = ("stress", *TRIALS, "--disturb", "odometry_drift,low_light", "--severity", "5", "--json")
 
 
