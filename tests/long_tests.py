@@ -454,7 +454,7 @@ LONG = {
     ),
     **_of(
         "robots/test_ros1_tf.py",
-        "robots/test_ros1_tf.py::test_a_base_is_driven_by_the_odometry_of_its_frames",
+        "ros/ros2/test_tf.py::test_a_base_is_driven_by_the_odometry_of_its_frames",
         "test_doctor_sees_the_odometry_of_frames_follow_a_turn",
         "test_frames_that_do_not_connect_are_named_by_doctor_and_by_a_session",
     ),
@@ -693,7 +693,7 @@ LONG = {
     ),
     **_of(
         "cli/support/test_output.py",
-        "its case [run --goal chair --starts 1]",
+        "its case [run --goal chair --starts 1 --workers 1]",
         "test_prints_of_a_model_do_not_spoil_the_json[models check]",
         "test_prints_of_a_model_do_not_spoil_the_json[doctor]",
     ),
@@ -753,11 +753,6 @@ LONG = {
         "training/test_explorer.py",
         "training/test_rollout.py",
         "test_it_finds_goals_that_are_not_in_view_at_the_start[sofa]",
-    ),
-    **_of(
-        "robots/test_simulated.py",
-        "its case [lola2-true]; sensing/test_mover.py",
-        "test_of_500_actions_every_move_is_within_5_mm[turtlebot2-believed]",
     ),
     **_of(
         "runner/executors/test_served_workers.py",
@@ -896,8 +891,8 @@ LONG = {
     ),
     **_of(
         "examples/test_examples.py",
-        "its case [velocity:Reactive]; its test of the same example in a run",
-        "test_the_examples_pass_models_check[widest_opening:WidestOpening]",
+        "its case [widest_opening:WidestOpening]; its tests of the same examples in a run",
+        "test_the_examples_pass_models_check[velocity:Reactive]",
         "test_the_examples_pass_models_check[instruction:KeywordFollower]",
     ),
     **_of(
@@ -983,4 +978,26 @@ LONG = {
         "its other cases; robots/checkup/test_listening.py",
         "test_a_broken_part_is_named_with_what_to_do[camera-silent-/camera/color/image_raw-failed-silent for]",
     ),
+    **_of(
+        "runner/judging/test_faces.py",
+        "its other cases",
+        *(
+            f"test_an_answer_has_the_same_checks_and_verdict_everywhere[given{number}-expected{number}]"
+            for number in (1, 2, 4, 6)
+        ),
+    ),
+    **_of(
+        "models/vlv/test_policy.py",
+        "its other cases",
+        *(
+            f"test_hard_frames_neither_break_it_nor_send_it_into_a_wall[{case}]"
+            for case in ("behind dropouts like glass", "at the lower right corner", "over the whole image")
+        ),
+    ),
+    **_of(
+        "simulator/generated_sites/test_generate.py",
+        "simulator/generated_sites/test_generate.py::test_no_two_seeds_give_the_same_flat",
+        "test_flats_differ_in_rooms_instances_models_and_colours",
+    ),
+    **_of("simulator/generated_sites/test_generate.py", "its case [2]", "test_the_oracle_reaches_every_goal[10000]"),
 }

@@ -93,6 +93,8 @@ CELLS: tuple[dict[str, str], ...] = (
         "UPDATE verdict SET reason = 'success' WHERE episode_id = 4": "verdict 4: reason",
         "UPDATE verdict SET goal_instance = 'chair-9' WHERE episode_id = 4": "verdict 4: goal_instance",
         "DELETE FROM verdict WHERE episode_id = 1": "verdict of episode 1",
+    },
+    {
         "UPDATE episode SET started_at = '2026-13-41' WHERE id = 2": "episode 2: started_at",
         "UPDATE process SET vsnbench_version = x'00'": "process 1: vsnbench_version",
         "UPDATE process SET started_at = 'yesterday'": "process 1: started_at",
