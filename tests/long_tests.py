@@ -647,8 +647,9 @@ LONG = {
     ),
     **_of(
         "cli/robots/test_doctor_hazards.py",
-        "its other cases; ros/ros2/test_hazard_topics.py",
+        "its test of a session; ros/ros2/test_hazard_topics.py, ros/ros2/test_doctor.py",
         "test_doctor_fails_while_a_sensor_is_active[bumper-bumper]",
+        "test_doctor_fails_while_a_sensor_is_active[wheel_drop-wheel drop]",
         "test_misspelt_and_wrong_topics_are_said_before_a_session",
     ),
     **_of(
@@ -1000,4 +1001,45 @@ LONG = {
         "test_flats_differ_in_rooms_instances_models_and_colours",
     ),
     **_of("simulator/generated_sites/test_generate.py", "its case [2]", "test_the_oracle_reaches_every_goal[10000]"),
+    **_of(
+        "cli/robots/test_doctor.py",
+        "robots/checkup/test_images.py, robots/checkup/test_checks.py, ros/ros2/test_hazard_topics.py",
+        "test_a_broken_part_is_named_with_what_to_do[camera-small-depth image-failed-32x24; the profile has 64x48]",
+        "test_a_profile_that_names_another_topic_or_type_is_noticed",
+    ),
+    **_of(
+        "ros/ros1/test_node.py",
+        "its case [a signal]",
+        "test_the_last_command_of_an_ended_node_is_sent[another of its name]",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "its case [False]; runner/study/test_integrity.py",
+        "test_a_plan_that_was_changed_in_the_record_is_named_by_its_line[True]",
+    ),
+    **_of(
+        "runner/executors/test_process.py",
+        "runner/executors/test_process.py::test_workers_of_an_ended_fork_server_are_reported_as_killed",
+        "test_a_killed_fork_server_leaves_no_zombies",
+    ),
+    **_of(
+        "robots/test_simulated.py",
+        "runner/executors/test_local_pool.py::test_two_workers_give_the_same_bits_as_one",
+        "test_another_process_measures_and_sees_the_same",
+    ),
+    **_of(
+        "simulator/rendering/test_renderer.py",
+        "runner/executors/test_local_pool.py::test_two_workers_give_the_same_bits_as_one, golden/test_golden.py",
+        "test_pixels_are_the_same_on_every_run_and_in_every_process",
+    ),
+    **_of(
+        "cli/results/test_results_paths.py",
+        "its other case",
+        "test_a_path_that_is_not_utf8_is_refused_in_one_line[(b'verify',)]",
+    ),
+    **_of(
+        "robots/test_ros1_run.py",
+        "runner/setup/test_launch_refusals.py",
+        "test_without_a_terminal_a_robot_that_needs_an_operator_is_refused",
+    ),
 }

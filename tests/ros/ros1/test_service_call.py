@@ -42,7 +42,8 @@ class Echo:
 
     def make_good(self) -> None:
         self.process.signal(signal.SIGCONT)  # does nothing to a process that has ended
-        if self.process.popen.poll() is not None:
+        if not self._answers():
+            self.process.wait()
             self._start()
 
 
