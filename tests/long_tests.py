@@ -1039,7 +1039,7 @@ LONG = {
     ),
     **_of(
         "robots/test_ros1_run.py",
-        "runner/setup/test_launch_refusals.py",
+        "runner/operator/test_terminal.py",
         "test_without_a_terminal_a_robot_that_needs_an_operator_is_refused",
     ),
 }
