@@ -21,8 +21,6 @@ from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from shapely.geometry.base import BaseGeometry
 
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -178,10 +176,8 @@ def success_region(site: "Site", goal: str, parameters: "ProtocolParameters") ->
     return shapely.union_all([region for _, region in success_regions(site, goal, parameters)])
 
 
-def success_regions(
-    site: "Site", goal: str, parameters: "ProtocolParameters"
-) -> "Iterator[tuple[Target, BaseGeometry]]":
-    """Yield each target of a goal with the region where STOP succeeds at it."""
+def success_regions(site: "Site", goal: str, parameters: "ProtocolParameters") -> "list[tuple[Target, BaseGeometry]]":
+    """Return each target of a goal with the region where STOP succeeds at it."""
     from vsnbench.sites.geometry.line_of_sight import sight
     from vsnbench.sites.targets import targets_of
 
@@ -194,7 +190,7 @@ def success_regions(
             return target.shape.buffer(within_m, quad_segs=64)
         return sight(site).region(target.shape, within_m)
 
-    return ((target, region(target)) for target in targets_of(site, goal))
+    return [(target, region(target)) for target in targets_of(site, goal)]
 
 
 def judge(
