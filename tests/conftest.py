@@ -18,9 +18,9 @@ from tests.long_tests import LONG
 HERE = Path(__file__).parent
 
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=40)
-"""Derandomized: every run generates the same examples. `HYPOTHESIS_PROFILE=default` generates new ones, and more, as
-`make test-long` does. Without a deadline, because a busy machine would miss it.
-"""
+"""Derandomized: every run generates the same examples. Without a deadline, because a busy machine would miss it."""
+settings.register_profile("new", deadline=None)
+"""New examples, and more: `HYPOTHESIS_PROFILE=new`, as `make test-long` does."""
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SLOW = frozenset(
