@@ -57,6 +57,7 @@ test-ros2: setup-test ## Run the tests that need ROS 2.
 
 test-long: setup-test fuzz ## Run the long tests, which make test leaves out, and fuzz every loader.
 	$(BIN)/python -m pytest -n $(WAITING) $(SPREAD) -m "long and not ros2"
+	HYPOTHESIS_PROFILE=new $(BIN)/python -m pytest -n $(WAITING) $(SPREAD) -m "hypothesis and not ros2"
 	scripts/install_ros2.sh long
 	.venv-ros2/bin/python -m pytest -n 2 $(SPREAD) -m "long and ros2" tests/ros/ros2
 

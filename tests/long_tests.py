@@ -1,7 +1,7 @@
 """Tests that `make test-long` runs every night, and the cheaper ones that find the same in `make test`.
 
 A key is a file, a test (`file::name`) or one of its cases (`file::name[id]`), a value is the cheaper test. Cases of a
-live graph of ROS 2 have the mark `long` in their own file, next to the case that stays.
+live graph of ROS 2 and of two-dimensional tables have the mark `long` in their own file, next to the cases that stay.
 """
 
 
@@ -454,7 +454,7 @@ LONG = {
     ),
     **_of(
         "robots/test_ros1_tf.py",
-        "robots/test_ros1_tf.py::test_a_base_is_driven_by_the_odometry_of_its_frames",
+        "ros/ros2/test_tf.py::test_a_base_is_driven_by_the_odometry_of_its_frames",
         "test_doctor_sees_the_odometry_of_frames_follow_a_turn",
         "test_frames_that_do_not_connect_are_named_by_doctor_and_by_a_session",
     ),
@@ -642,7 +642,7 @@ LONG = {
     ),
     **_of(
         "robots/test_ros1_camera_faults.py",
-        "ros/ros2/test_camera_faults.py; robots/test_blind_camera.py",
+        "robots/checkup/test_images.py, robots/checkup/test_checks.py, robots/ros/test_image_timing.py",
         "test_faults_of_a_camera_are_told_apart",
     ),
     **_of(
@@ -652,8 +652,9 @@ LONG = {
     ),
     **_of(
         "cli/robots/test_doctor_hazards.py",
-        "its other cases; ros/ros2/test_hazard_topics.py",
+        "its test of a session; ros/ros2/test_hazard_topics.py, ros/ros2/test_doctor.py",
         "test_doctor_fails_while_a_sensor_is_active[bumper-bumper]",
+        "test_doctor_fails_while_a_sensor_is_active[wheel_drop-wheel drop]",
         "test_misspelt_and_wrong_topics_are_said_before_a_session",
     ),
     **_of(
@@ -680,8 +681,6 @@ LONG = {
     **_of(
         "evidence/verification/test_verify.py",
         "its other cases",
-        "test_a_changed_cell_that_other_rows_or_files_contradict_is_named[UPDATE step SET world_x_m = NULL WHERE "
-        "episode_id = 1 AND number = 2-step 1/2: world_x_m]",
         "test_an_action_that_the_depth_guard_refused_is_driven_again",
     ),
     **_of(
@@ -700,7 +699,7 @@ LONG = {
     ),
     **_of(
         "cli/support/test_output.py",
-        "its case [run --goal chair --starts 1]",
+        "its case [run --goal chair --starts 1 --workers 1]",
         "test_prints_of_a_model_do_not_spoil_the_json[models check]",
         "test_prints_of_a_model_do_not_spoil_the_json[doctor]",
     ),
@@ -762,11 +761,6 @@ LONG = {
         "test_it_finds_goals_that_are_not_in_view_at_the_start[sofa]",
     ),
     **_of(
-        "robots/test_simulated.py",
-        "its case [lola2-true]; sensing/test_mover.py",
-        "test_of_500_actions_every_move_is_within_5_mm[turtlebot2-believed]",
-    ),
-    **_of(
         "runner/executors/test_served_workers.py",
         "models/remote/test_sessions.py",
         "test_more_workers_than_sessions_are_refused_in_one_line[batch0]",
@@ -798,5 +792,259 @@ LONG = {
         "test_a_base_with_noise_at_rest_moves_accurately[0.01-0.0005-50]",
         "test_a_base_with_noise_at_rest_moves_accurately[0.05-0.002-50]",
         "test_a_base_with_noise_at_rest_moves_accurately[0.01-0.0005-20]",
+    ),
+    # Cases that run the code of one that stays, with other numbers.
+    **_of(
+        "simulator/rendering/test_shading.py",
+        "its case [pose0]",
+        "test_surface_pixels_equal_scalar_arithmetic[pose1]",
+        "test_surface_pixels_equal_scalar_arithmetic[pose2]",
+    ),
+    **_of(
+        "sensing/test_lab_robots.py",
+        "its cases [spot], [stretch] and [turtlebot4]",
+        "test_twenty_movements_are_done[go2]",
+        "test_twenty_movements_are_done[jackal]",
+        "test_twenty_movements_are_done[limo]",
+    ),
+    **_of(
+        "sensing/test_mover.py",
+        "its case [0.1-True-20]",
+        "test_true_is_within_tolerance_of_the_heading_that_is_held[0.1-True-50]",
+        "test_true_is_within_tolerance_of_the_heading_that_is_held[0.0-True-50]",
+    ),
+    **_of(
+        "models/baselines/test_oracle.py",
+        "its case [chair]; golden/test_golden.py",
+        "test_the_oracle_reaches_every_goal_and_from_every_start_some[sofa]",
+        "test_the_oracle_reaches_every_goal_and_from_every_start_some[monitor]",
+        "test_the_oracle_reaches_every_goal_and_from_every_start_some[plant]",
+    ),
+    **_of(
+        "results/reading/test_queries.py",
+        "its cases of SQLite, its case [postgresql-which0-found0]",
+        *(f"test_a_filter_finds[postgresql-which{number}-found{number}]" for number in range(1, 12)),
+    ),
+    **_of(
+        "results/studies/test_log.py",
+        "its other cases",
+        "test_a_merge_unites_two_logs_and_keeps_the_sign_of_a_deleted_event[sqlite-]",
+    ),
+    **_of(
+        "models/remote/test_websockets_versions.py",
+        "its case [17]",
+        "test_a_model_in_another_environment_answers[11]",
+    ),
+    **_of(
+        "cli/judging/test_judge.py",
+        "its case [y-2]",
+        "test_a_change_of_a_standing_verdict_is_asked_back_on_a_terminal[n-1]",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "its case [missing]; runner/study/test_integrity.py",
+        "test_a_lock_file_that_does_not_fit_is_one_line_and_can_be_written_again[of another study]",
+    ),
+    **_of(
+        "models/remote/test_checking.py",
+        "its case [objectgoal]",
+        "test_a_habitat_agent_of_each_kind_of_goal_passes_everything[imagegoal]",
+        "test_a_habitat_agent_of_each_kind_of_goal_passes_everything[instruction]",
+    ),
+    **_of(
+        "fuzz/test_fuzz.py",
+        "errors/test_files.py, `make fuzz`",
+        "test_nothing_gets_past_a_loader_s_boundary[protocol]",
+        "test_nothing_gets_past_a_loader_s_boundary[study]",
+        "test_nothing_gets_past_a_loader_s_boundary[map]",
+        "test_nothing_gets_past_a_loader_s_boundary[model settings]",
+        "test_nothing_gets_past_a_loader_s_boundary[configuration]",
+    ),
+    **_of(
+        "statistics/test_permutation.py",
+        "its cases [0.02] and [1.0]",
+        "test_equal_models_are_found_different_at_most_so_often_as_promised[4.0]",
+        "test_equal_models_are_found_different_at_most_so_often_as_promised[1000000.0]",
+    ),
+    **_of(
+        "statistics/test_power.py",
+        "its case [0.25]",
+        "test_of_single_episodes_it_is_the_exact_power_of_mcnemars_test[0.1]",
+        "test_of_single_episodes_it_is_the_exact_power_of_mcnemars_test[0.4]",
+    ),
+    **_of(
+        "statistics/test_prediction_powered.py",
+        "its cases [0.3-0.6] and [0.5-0.95]",
+        "test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth[0.3-0.0]",
+        "test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth[0.3-0.95]",
+        "test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth[0.5-0.0]",
+        "test_it_covers_as_often_as_promised_whatever_the_simulator_is_worth[0.5-0.6]",
+    ),
+    **_of(
+        "study/test_power.py",
+        "its cases [0.3-2] and [0.95-5]",
+        *(
+            f"test_arms_that_differ_by_position_and_not_on_average_are_rarely_told_apart[{case}]"
+            for case in ("0.3-1", "0.3-5", "0.95-1", "0.95-2")
+        ),
+    ),
+    **_of(
+        "sensing/images/test_floor_plane.py",
+        "its case [{'tilt_deg': 5.0}]",
+        "test_the_mount_is_measured_in_the_simulated_apartment[{}]",
+        "test_the_mount_is_measured_in_the_simulated_apartment[{'tilt_deg': -2.0}]",
+        "test_the_mount_is_measured_in_the_simulated_apartment[{'mount_height_m': 0.5}]",
+    ),
+    **_of(
+        "examples/test_examples.py",
+        "its case [widest_opening:WidestOpening]; its tests of the same examples in a run",
+        "test_the_examples_pass_models_check[velocity:Reactive]",
+        "test_the_examples_pass_models_check[instruction:KeywordFollower]",
+    ),
+    **_of(
+        "docs/test_commands.py",
+        "its case [robots.md]; models/stack, ros/ros2/test_stack.py",
+        "test_the_commands_of_a_page_succeed_in_order[stacks.md]",
+    ),
+    **_of(
+        "runner/setup/test_trial_setup.py",
+        "its other cases",
+        "test_a_model_that_hangs_in_close_is_interrupted_or_ended[sys.exit(0)-0-the run goes on\\n-failed in close: "
+        "SystemExit: 0]",
+    ),
+    **_of(
+        "interop/test_merge_files.py",
+        "its case [truncated]",
+        "test_damaged_images_are_named_and_nothing_comes_in[link]",
+        "test_damaged_images_are_named_and_nothing_comes_in[deleted colour]",
+    ),
+    **_of(
+        "report/tables/test_headline.py",
+        "its cases [models0-all-counts0] and [models1-shared-counts1]",
+        "test_one_rate_of_several_models_is_over_the_same_goals_or_says_so[models2-shared-counts2]",
+        "test_one_rate_of_several_models_is_over_the_same_goals_or_says_so[models3-own goals-counts3]",
+    ),
+    **_of(
+        "robots/test_ros1_tf.py",
+        "ros/ros2/test_tf.py, sensing/odometry/test_transform_chain.py",
+        "test_a_base_is_driven_by_the_odometry_of_its_frames",
+    ),
+    **_of(
+        "robots/test_ros1_run.py",
+        "robots/test_ros1.py::test_a_camera_that_fails_is_a_lost_sensor, runner/episode/test_episode.py",
+        "test_a_silent_camera_makes_the_episode_void_and_the_run_gives_advice",
+    ),
+    **_of(
+        "robots/test_ros1.py",
+        "its cases [silent-...] and [yuv-...]; robots/ros/test_image_timing.py",
+        "test_a_camera_that_fails_is_a_lost_sensor[blind-no-image-/camera/depth/image_raw]",
+        "test_a_camera_that_fails_is_a_lost_sensor[small-wrong-image-size-32x24]",
+        "test_a_camera_that_fails_is_a_lost_sensor[past-no-matching-images-/camera/color/image_raw]",
+    ),
+    **_of(
+        "robots/test_ros1.py",
+        "its other cases; sensing/test_mover_faults.py, ros/ros2/test_faults.py",
+        "test_a_base_that_fails_during_a_movement_stops_with_a_reason[nan-odometry is not finite-True]",
+        "test_a_base_that_fails_during_a_movement_stops_with_a_reason[jump-odometry jumped-True]",
+        "test_a_base_that_fails_during_a_movement_stops_with_a_reason[cliff-cliff (left)-False]",
+    ),
+    **_of(
+        "robots/test_ros1.py",
+        "robots/test_ros1_drive.py::test_a_lost_server_stops_the_base",
+        "test_a_hanging_server_is_detected_during_a_movement_and_the_base_stopped",
+    ),
+    **_of(
+        "robots/test_ros1_drive.py",
+        "its other cases; ros/ros2/test_drive.py, sensing/test_difficult_bases.py",
+        "test_a_movement_ends_where_it_was_asked_to[move]",
+        "test_a_movement_ends_where_it_was_asked_to[sidestep]",
+        "test_a_fault_of_the_base_ends_a_movement_in_flight[waypoint-silent]",
+        "test_a_lost_server_stops_the_base[waypoint-9]",
+    ),
+    **_of(
+        "ros/ros1/test_discrete_move.py",
+        "its other cases; sensing/test_mover_faults.py",
+        "test_a_fault_during_a_movement_is_false_and_zero_velocity[nan-odometry is not finite]",
+        "test_a_fault_during_a_movement_is_false_and_zero_velocity[jump-odometry jumped]",
+        "test_a_fault_during_a_movement_is_false_and_zero_velocity[cliff-cliff (left)]",
+        "test_a_server_that_is_ended_stops_the_base_first[2]",
+    ),
+    **_of(
+        "ros/ros1/test_discrete_move.py",
+        "sensing/test_mover.py, ros/ros1/test_discrete_move.py::test_a_movement_meets_the_tolerances_of_the_paper",
+        "test_turns_add_up_and_do_not_drift",
+    ),
+    **_of(
+        "robots/test_calibration.py",
+        "its case [compressed]; ros/ros2/test_calibration.py",
+        "test_a_profile_is_corrected_over_ros1[raw]",
+    ),
+    **_of(
+        "cli/robots/test_doctor.py",
+        "its other cases; robots/checkup/test_listening.py",
+        "test_a_broken_part_is_named_with_what_to_do[camera-silent-/camera/color/image_raw-failed-silent for]",
+    ),
+    **_of(
+        "runner/judging/test_faces.py",
+        "its other cases",
+        *(
+            f"test_an_answer_has_the_same_checks_and_verdict_everywhere[given{number}-expected{number}]"
+            for number in (1, 2, 4, 6)
+        ),
+    ),
+    **_of(
+        "models/vlv/test_policy.py",
+        "its other cases",
+        *(
+            f"test_hard_frames_neither_break_it_nor_send_it_into_a_wall[{case}]"
+            for case in ("behind dropouts like glass", "at the lower right corner", "over the whole image")
+        ),
+    ),
+    **_of(
+        "simulator/generated_sites/test_generate.py",
+        "simulator/generated_sites/test_generate.py::test_no_two_seeds_give_the_same_flat",
+        "test_flats_differ_in_rooms_instances_models_and_colours",
+    ),
+    **_of("simulator/generated_sites/test_generate.py", "its case [2]", "test_the_oracle_reaches_every_goal[10000]"),
+    **_of(
+        "cli/robots/test_doctor.py",
+        "robots/checkup/test_images.py, robots/checkup/test_checks.py, ros/ros2/test_hazard_topics.py",
+        "test_a_broken_part_is_named_with_what_to_do[camera-small-depth image-failed-32x24; the profile has 64x48]",
+        "test_a_profile_that_names_another_topic_or_type_is_noticed",
+    ),
+    **_of(
+        "ros/ros1/test_node.py",
+        "its case [a signal]",
+        "test_the_last_command_of_an_ended_node_is_sent[another of its name]",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "its case [False]; runner/study/test_integrity.py",
+        "test_a_plan_that_was_changed_in_the_record_is_named_by_its_line[True]",
+    ),
+    **_of(
+        "runner/executors/test_process.py",
+        "runner/executors/test_process.py::test_workers_of_an_ended_fork_server_are_reported_as_killed",
+        "test_a_killed_fork_server_leaves_no_zombies",
+    ),
+    **_of(
+        "robots/test_simulated.py",
+        "runner/executors/test_local_pool.py::test_two_workers_give_the_same_bits_as_one",
+        "test_another_process_measures_and_sees_the_same",
+    ),
+    **_of(
+        "simulator/rendering/test_renderer.py",
+        "runner/executors/test_local_pool.py::test_two_workers_give_the_same_bits_as_one, golden/test_golden.py",
+        "test_pixels_are_the_same_on_every_run_and_in_every_process",
+    ),
+    **_of(
+        "cli/results/test_results_paths.py",
+        "its other case",
+        "test_a_path_that_is_not_utf8_is_refused_in_one_line[(b'verify',)]",
+    ),
+    **_of(
+        "robots/test_ros1_run.py",
+        "runner/operator/test_terminal.py",
+        "test_without_a_terminal_a_robot_that_needs_an_operator_is_refused",
     ),
 }

@@ -1,14 +1,16 @@
 """Processes of tests with output files, ended after the test; polling instead of sleeping."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TextIO
 
 import psutil
 import pytest
@@ -92,6 +94,48 @@ class ProcessGroup(ABC):
             process.end()
         for process in self.processes:
             sys.stdout.write(f"--- {' '.join(map(str, process.popen.args))}\n{process.output}\n")
+
+
+@dataclass(frozen=True)
+class Fork:
+    """A task in a fork of this process, which has imported everything already."""
+
+    pid: int
+    stdout: TextIO
+    """What the task writes."""
+
+    @classmethod
+    def of(cls, task: Callable[[TextIO], object]) -> "Fork":
+        """Start a task; it receives the file that `stdout` reads, and ends after a minute at the latest."""
+        reads, writes = os.pipe()
+        pid = os.fork()
+        if pid == 0:
+            _end_with(task, writes)
+        os.close(writes)
+        return cls(pid, os.fdopen(reads, encoding="utf-8"))
+
+    def wait(self) -> int:
+        """Return the exit code, negative for a signal."""
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+    def kill(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+        self.wait()
+
+
+def _end_with(task: Callable[[TextIO], object], writes: int) -> NoReturn:
+    """Run a task in the fork and end it without the exit handlers of the parent."""
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # of pytest's timeout
+    signal.alarm(round(PATIENCE_S))
+    code = 1
+    try:
+        with os.fdopen(writes, "w", encoding="utf-8") as sink:
+            task(sink)
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)
 
 
 class Conversation:

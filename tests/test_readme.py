@@ -39,7 +39,7 @@ class Lab:
         (directory / "mylab" / "spinner.py").write_text(re.sub(r"^ {4}", "", block, flags=re.MULTILINE) + "\n")
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         kept = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-        self.environment = kept | {"PATH": path, "XDG_CACHE_HOME": str(directory / "cache")}
+        self.environment = kept | {"PATH": path}
 
     def start(self, command: str) -> "subprocess.Popen[str]":
         return subprocess.Popen(

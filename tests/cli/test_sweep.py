@@ -7,7 +7,9 @@ from tests.cli.test_record_verbs import vsnbench
 from vsnbench.cli.running.sweep_summary import cost_line
 from vsnbench.runner.setup.sweep import Cost
 
+CAMERA = ("--robot", "simulated:turtlebot2@64x48")
 SWEEP = ("run", "--model", "forward,random", "--seed", "0-1", "--goal", "chair", "--max-steps", "2", "--workers", "1")
+SWEEP += CAMERA
 
 
 def test_a_sweep_is_run_reported_and_gone_on_with_like_any_run(tmp_path: Path) -> None:

@@ -74,7 +74,8 @@ DAILY = tuple(
     if "--output page" not in line
     and not line.startswith("db status")
     and not (line.startswith("stress") and "--json" not in line)
-    if not (line.startswith("compare") and ("markdown" in line or "latex" in line))
+    if not (line.startswith(("compare", "study report", f"report --format markdown {RICH}")) and "--format" in line)
+    if line not in (f"report --format latex {RICH}", f"report --all-tables {LAB}", f"report --reference paper {RICH}")
 )
 """Without pictures, without second forms of what takes seconds to count, and without the size of the record."""
 

@@ -131,6 +131,19 @@ def test_no_way_is_shorter_than_the_straight_line(position: tuple[float, float],
     assert length >= max(0.0, nearest - 1.0) - RESOLUTION_M
 
 
+CLOSED = DOOR.model_copy(update={"closed": True})
+
+
+@pytest.mark.parametrize("site", [two_rooms(DOOR), two_rooms(CLOSED), load_site("apartment")], ids=lambda one: one.name)
+@pytest.mark.parametrize("goal", ["sofa", "plant", "nothing"])
+def test_starts_without_a_path_are_those_whose_length_is_infinite(site: Site, goal: str) -> None:
+    space, rules = free_space(site, RADIUS_M), ProtocolParameters()
+    starts = [Pose(float(x_m), float(y_m)) for x_m in np.arange(-0.5, 10.5, 0.13) for y_m in np.arange(-0.5, 8.5, 0.13)]
+    lost = [start for start in starts if math.isinf(space.geodesic_to_goal_m(start, goal, rules))]
+    assert space.without_path(starts, goal, rules) == lost
+    assert lost
+
+
 @settings(deadline=None, max_examples=40)
 @given(positions, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), goals)
 def test_a_small_step_changes_the_distance_by_no_more_than_the_step(

@@ -1,12 +1,11 @@
 """A small plan and its episodes, for tests of the record."""
 
-import os
-import subprocess
-import sys
+import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import TextIO
 
+from tests.processes import Fork
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
@@ -131,35 +130,21 @@ def complete(journal: Journal, episode: Claim, end: EpisodeEnd, steps: int = 3) 
     return episode
 
 
-RUNNER = """
-import sys
-from tests.results.records_of_a_lab import begun, forward, plan
-from vsnbench.results.writing.journal import Journal
-
-journal = Journal.open(sys.argv[1])
-trial = journal.find_or_create_campaign(plan()).trials[0]
-episode = begun(journal, trial)
-number = 0
-while True:
-    number += 1
-    journal.append_step(episode.id, forward(number))
-    print(number, flush=True)
-"""
-
-
 @contextmanager
-def running_elsewhere(url: str) -> Iterator[subprocess.Popen[str]]:
-    """Run an endless episode in another process, which prints the number of each stored step."""
-    root = Path(__file__).parents[2]
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUNNER, url],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
-    )
+def running_elsewhere(url: str) -> Iterator[Fork]:
+    """Run an endless episode in another process, which writes the number of each stored step."""
+
+    def run_endlessly(sink: TextIO) -> None:
+        journal = Journal.open(url)
+        episode = begun(journal, journal.find_or_create_campaign(plan()).trials[0])
+        for number in itertools.count(1):
+            journal.append_step(episode.id, forward(number))
+            sink.write(f"{number}\n")
+            sink.flush()
+
+    process = Fork.of(run_endlessly)
     try:
         yield process
     finally:
         process.kill()
-        process.communicate()
+        process.stdout.close()

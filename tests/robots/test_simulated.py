@@ -78,7 +78,7 @@ def furnished() -> SimulatedRobot:
     return robot_in(FURNISHED)
 
 
-@pytest.fixture(scope="module", params=["turtlebot2", "lola2"])
+@pytest.fixture(scope="module", params=["turtlebot2", pytest.param("lola2", marks=pytest.mark.long)])
 def hike(request: pytest.FixtureRequest) -> tuple[SimulatedRobot, list[Step]]:
     """500 random actions in the open, by each of the embedded robots."""
     robot = begun(robot_in(square_room(40.0, start=(20.0, 20.0), heading_deg=17.0), load_profile(request.param)))

@@ -1,6 +1,8 @@
 """Free space of a round robot in a site, and shortest paths from there to a goal, for SPL."""
 
 import math
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -103,15 +105,21 @@ class FreeSpace:
         Without walls nearby this is the distance to the nearest footprint minus the success distance, limited to four
         cells.
         """
-        within_m = parameters.success_distance_m
         level = np.full(self.cells.shape, _BAND_M)
+        for window, of_target in self._levels(goal, parameters):
+            level[window] = np.minimum(level[window], of_target)
+        return level
+
+    def _levels(self, goal: str, parameters: ProtocolParameters) -> Iterator[tuple[tuple[slice, slice], FloatGrid]]:
+        """Yield the signed distances of each target, in its part of the grid."""
+        within_m = parameters.success_distance_m
         for target, region in success_regions(self.site, goal, parameters):
             window = self.window_around(target.shape, within_m + _BAND_M)
             points = self.points(window)
             if target.is_region:
                 inside = shapely.contains_xy(region, self.x_m[window], self.y_m[window])
                 edge_m = np.minimum(shapely.distance(region.boundary, points), _BAND_M)
-                level[window] = np.minimum(level[window], np.where(inside, -edge_m, edge_m))
+                yield window, np.where(inside, -edge_m, edge_m)
                 continue
             straight = shapely.distance(target.shape, points) - within_m
             near = straight < RESOLUTION_M
@@ -119,8 +127,55 @@ class FreeSpace:
             around_walls = shapely.distance(region, points[near])
             hidden = around_walls > np.maximum(straight[near], 0.0) + _OUTLINE_M
             straight[near] = np.where(hidden, around_walls, straight[near])
-            level[window] = np.minimum(level[window], straight)
-        return level
+            yield window, straight
+
+    def without_path(self, starts: Sequence[Pose], goal: str, parameters: ProtocolParameters) -> list[Pose]:
+        """Return the starts whose `geodesic_to_goal_m` is infinite, at a fraction of the cost of the lengths."""
+        parts_of = {start: self._parts_near(start) for start in starts}
+        reached: set[int] = set()
+        for target in targets.targets_of(self.site, goal):  # a region of `_levels` takes 50 ms
+            reached |= self._parts_at(target.shape, goal, parameters, set().union(*parts_of.values()) - reached)
+        lost = {start: parts for start, parts in parts_of.items() if not parts & reached}
+        for window, level in self._levels(goal, parameters) if lost else ():
+            reached = set(self._parts[window][level <= 0.0].tolist())
+            lost = {start: parts for start, parts in lost.items() if not parts & reached}
+        return list(lost)
+
+    def _parts_at(self, shape: BaseGeometry, goal: str, parameters: ProtocolParameters, wanted: set[int]) -> set[int]:
+        """Return wanted parts in which STOP succeeds at their cell nearest to a target, of every fourth cell."""
+        rows, columns = self.window_around(shape, parameters.success_distance_m)
+        every_fourth = slice(rows.start, rows.stop, 4), slice(columns.start, columns.stop, 4)
+        parts, x_m, y_m = self._parts[every_fourth], self.x_m[every_fourth], self.y_m[every_fourth]
+        found = set()
+        for part in wanted:
+            here = parts == part
+            if here.any():
+                nearest = int(np.argmin(shapely.distance(shape, shapely.points(x_m[here], y_m[here]))))
+                at = Pose(float(x_m[here][nearest]), float(y_m[here][nearest]))
+                if judge.stop_succeeds(self.site, goal, at, parameters):
+                    found.add(part)
+        return found
+
+    @cached_property
+    def _parts(self) -> npt.NDArray[np.int32]:
+        """(rows, columns) number of the connected part of the free cells that a cell belongs to; 0 for none."""
+        from scipy import ndimage
+
+        labels, _ = ndimage.label(self.cells)
+        return np.asarray(labels, np.int32)
+
+    def _parts_near(self, start: Pose) -> set[int]:
+        """Return the connected parts within reach of a start."""
+        rows, columns = self.cells.shape
+        across, up = (start.x_m - self.origin_x_m) / RESOLUTION_M, (start.y_m - self.origin_y_m) / RESOLUTION_M
+        if not (-0.5 <= across <= columns - 0.5 and -0.5 <= up <= rows - 0.5):
+            return set()
+        row, column = min(max(int(up), 0), rows - 2), min(max(int(across), 0), columns - 2)
+        top, left = max(row - _REACH_CELLS, 0), max(column - _REACH_CELLS, 0)
+        near = self._parts[top : row + _REACH_CELLS + 1, left : column + _REACH_CELLS + 1]
+        at_rows, at_columns = np.indices(near.shape)
+        way_there = RESOLUTION_M * np.hypot(at_rows + top - up, at_columns + left - across)
+        return set(near[way_there <= RESOLUTION_M * _REACH_CELLS].tolist()) - {0}
 
     def geodesic_field_m(self, goal: str, parameters: ProtocolParameters) -> FloatGrid:
         """Return (rows, columns) lengths of the shortest paths to the success region of a goal; inf if none."""

@@ -59,8 +59,9 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
                 "remove it from the not_for of at least one start",
                 entries=goal_entries(site, [goal]),
             )
+        without_path = space.without_path([start.pose for start in starts_of_goal], goal, rules)
         for start in starts_of_goal:
-            if math.isfinite(space.geodesic_to_goal_m(start.pose, goal, rules)):
+            if start.pose not in without_path:
                 continue
             if space.clearance_at_m(*start.position) >= space.robot_radius_m:  # else `start_findings` reports it
                 blockage = search.blockage(start, goal, rules)

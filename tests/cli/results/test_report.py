@@ -16,10 +16,10 @@ from vsnbench.errors import RecordError, UsageError
 from vsnbench.report.output import serve_page
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    lab = Lab(tmp_path / "results")
-    lab.directory.mkdir()
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
+    """A record of two models; not to be changed."""
+    lab = Lab(tmp_path_factory.mktemp("results"))
     for model, limit in (("vlv", 8), ("random", 1)):
         lab.write([Attempt(start=start, success=start <= limit) for start in range(1, 16)], model=model)
     return lab

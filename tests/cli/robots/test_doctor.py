@@ -2,7 +2,6 @@
 
 import getpass
 import json
-import os
 import re
 import signal
 import socket
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.console import Typed
 from tests.ros.ros1.network import HERE, Probe, Process, RosNetwork, live_network, wait_until
 from vsnbench import __version__
 
@@ -161,32 +161,33 @@ def test_without_a_master_the_rest_is_not_looked_at(patient) -> None:
 
 
 @pytest.mark.parametrize("words", [(), ("--robot", "simulated")])
-def test_without_a_real_robot_this_machine_alone_is_checked(words: tuple[str, ...], tmp_path) -> None:
-    done = doctor(*words, "--results", str(tmp_path / "results"))
-    assert done.returncode == 0, done.stderr
-    assert "can be written" in done.stdout
-    assert "ready: this machine" in done.stdout
+def test_without_a_real_robot_this_machine_alone_is_checked(typed: Typed, words: tuple[str, ...], tmp_path) -> None:
+    done = typed("doctor", *words, "--results", str(tmp_path / "results"))
+    assert done.code == 0, done.err
+    assert "can be written" in done.out
+    assert "ready: this machine" in done.out
 
 
-def test_the_json_for_a_bug_report_has_versions_and_nothing_private(tmp_path) -> None:
-    private = {"HOME": str(tmp_path), "OPENAI_API_KEY": "sk-secret", "VSNBENCH_OPERATOR": "Ada"}
-    done = doctor("--json", "--results", str(tmp_path / "results"), environment=os.environ | private)
-    report = json.loads(done.stdout)
+def test_the_json_for_a_bug_report_has_versions_and_nothing_private(typed: Typed, tmp_path, monkeypatch) -> None:
+    for name, value in (("HOME", str(tmp_path)), ("OPENAI_API_KEY", "sk-secret"), ("VSNBENCH_OPERATOR", "Ada")):
+        monkeypatch.setenv(name, value)
+    done = typed("doctor", "--json", "--results", str(tmp_path / "results"))
+    report = json.loads(done.out)
     assert (report["ready"], report["robot"]) == (True, None)
     assert report["machine"]["vsnbench"] == __version__
     found = {check["what"]: check for check in report["checks"]}
     assert found["disk"]["seen"].startswith("~/results: ")
     for secret in (str(tmp_path), "sk-secret", "Ada", socket.gethostname(), getpass.getuser()):
-        assert not re.search(rf"\b{re.escape(secret)}\b", done.stdout)
+        assert not re.search(rf"\b{re.escape(secret)}\b", done.out)
 
 
-def test_move_without_a_robot_is_a_usage_error(tmp_path) -> None:
-    assert doctor("--move", "--results", str(tmp_path)).returncode == 2
+def test_move_without_a_robot_is_a_usage_error(typed: Typed, tmp_path) -> None:
+    assert typed("doctor", "--move", "--results", str(tmp_path)).code == 2
 
 
-def test_a_results_directory_that_cannot_be_written_is_named(tmp_path) -> None:
+def test_a_results_directory_that_cannot_be_written_is_named(typed: Typed, tmp_path, monkeypatch) -> None:
     (tmp_path / "file").write_text("in the way")
-    words = ("--robot", "simulated", "--results", str(tmp_path / "file" / "results"))
-    done = doctor(*words, environment=os.environ | {"HOME": str(tmp_path)})
-    assert done.returncode == 1
-    assert "cannot write the results directory ~/file/results" in " ".join(done.stdout.split())
+    monkeypatch.setenv("HOME", str(tmp_path))
+    done = typed("doctor", "--robot", "simulated", "--results", str(tmp_path / "file" / "results"))
+    assert done.code == 1
+    assert "cannot write the results directory ~/file/results" in " ".join(done.out.split())

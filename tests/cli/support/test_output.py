@@ -166,7 +166,7 @@ class Loud(Policy):
 @pytest.mark.parametrize(
     "words",
     [
-        "run --goal chair --starts 1",
+        "run --goal chair --starts 1 --workers 1",
         "run --goal chair --starts 1 --seed 0-1",
         "stress --goal chair --starts 1 --disturb latency --severity 1 --results s",
         "models check",

@@ -50,78 +50,117 @@ def test_verification_writes_nothing_and_needs_no_permission_to(recorded: Path) 
     assert {path: path.stat().st_mtime_ns for path in recorded.rglob("*")} == before
 
 
-CELLS = {
-    "UPDATE step SET turn_rad = 0.1 WHERE episode_id = 3 AND number = 1": "step 3/1: turn_rad",
-    "UPDATE step SET rgb_digest = replace(rgb_digest, 'a', 'b') WHERE episode_id = 1 AND number = 2": "step 1/2: rgb",
-    "UPDATE step SET depth_digest = 'blake3:0' WHERE episode_id = 2 AND number = 1": "episodes/000002/depth/0001.png",
-    "UPDATE step SET rgb_file_digest = 'blake3:0' WHERE episode_id = 2 AND number = 1": "episodes/000002/rgb/0001.jpg",
-    "UPDATE step SET world_x_m = world_x_m + 0.1 WHERE episode_id = 1 AND number = 2": "episodes/000001/trajectory.tum",
-    "UPDATE episode SET end_reason = 'step_limit' WHERE id = 1": "episode 1: end_reason",
-    "UPDATE episode SET actions = actions + 1 WHERE id = 2": "episode 2: actions",
-    "UPDATE episode SET seed = seed + 1 WHERE id = 2": "episode 2: seed",
-    "UPDATE episode SET distance_to_goal_m = 0.5 WHERE id = 4": "episode 4: distance_to_goal_m",
-    "UPDATE episode SET final_x_m = final_x_m + 0.1 WHERE id = 4": "episode 4: final_x_m",
-    "UPDATE episode SET path_length_m = 9 WHERE id = 1": "episode 1: path_length_m",
-    "UPDATE episode SET geodesic_start_m = 9 WHERE id = 1": "episode 1: geodesic_start_m",
-    "UPDATE episode SET duration_s = 9 WHERE id = 1": "episode 1: duration_s",
-    "UPDATE episode SET path_length_m = NULL, geodesic_end_m = 0 WHERE id = 4": "episode 4: geodesic_end_m",
-    "UPDATE episode SET path_length_m = NULL WHERE id = 1": "episode 1: path_length_m: missing",
-    "UPDATE episode SET geodesic_start_m = NULL WHERE id = 1": "episode 1: geodesic_start_m: missing",
-    "UPDATE episode SET geodesic_end_m = NULL WHERE id = 1": "episode 1: geodesic_end_m: missing",
-    "UPDATE episode SET duration_s = NULL WHERE id = 1": "episode 1: duration_s: missing",
-    "UPDATE episode SET thinking_s = 9 WHERE id = 1": "episode 1: thinking_s",
-    "UPDATE episode SET start_x_m = NULL WHERE id = 1": "episode 1: start_x_m: missing",
-    "UPDATE episode SET final_x_m = NULL WHERE id = 1": "episode 1: final_x_m",
-    "UPDATE step SET world_x_m = NULL WHERE episode_id = 1 AND number = 2": "step 1/2: world_x_m: missing",
-    "UPDATE episode SET state = 'void' WHERE id = 1": "episode 1: state",
-    "UPDATE verdict SET success = 1 - success WHERE episode_id = 3": "verdict 3: success",
-    "UPDATE verdict SET distance_m = 0.1 WHERE episode_id = 4": "verdict 4: distance_m",
-    "UPDATE verdict SET reason = 'success' WHERE episode_id = 4": "verdict 4: reason",
-    "UPDATE verdict SET goal_instance = 'chair-9' WHERE episode_id = 4": "verdict 4: goal_instance",
-    "DELETE FROM verdict WHERE episode_id = 4": "verdict of episode 4",
-    "DELETE FROM step WHERE episode_id = 4 AND number = 1": "step 4: number",
-    "UPDATE site SET content = replace(content, '0.8', '0.9')": "site 1: content",
-    "UPDATE robot SET profile = replace(profile, '0.177', '0.277')": "robot 1: profile",
-    "UPDATE model SET name = 'vlv' WHERE id = 2": "model 2: sha256",
-    "UPDATE campaign SET conditions = '{}' WHERE id = 1": "campaign 1: key",
-    "UPDATE campaign SET protocol = replace(protocol, '150', '250') WHERE id = 1": "campaign 1: protocol",
-    "UPDATE campaign SET seed = 7 WHERE id = 1": "campaign 1: key",
-    "UPDATE episode SET started_at = '2026-13-41' WHERE id = 2": "episode 2: started_at",
-    "UPDATE process SET vsnbench_version = x'00'": "process 1: vsnbench_version",
-    "UPDATE process SET started_at = 'yesterday'": "process 1: started_at",
-}
+CELLS: tuple[dict[str, str], ...] = (
+    {
+        "UPDATE step SET turn_rad = 0.1 WHERE episode_id = 3 AND number = 1": "step 3/1: turn_rad",
+        "UPDATE step SET rgb_digest = 'blake3:0' WHERE episode_id = 1 AND number = 2": "step 1/2: rgb",
+        "UPDATE step SET depth_digest = 'blake3:0' WHERE episode_id = 2 AND number = 1": "episodes/000002/depth/0001",
+        "UPDATE step SET world_x_m = world_x_m + 0.1 WHERE episode_id = 4 AND number = 1": (
+            "episodes/000004/trajectory.tum"
+        ),
+    },
+    {
+        "UPDATE step SET rgb_file_digest = 'blake3:0' WHERE episode_id = 2 AND number = 1": (
+            "episodes/000002/rgb/0001.jpg"
+        ),
+        "UPDATE step SET world_x_m = NULL WHERE episode_id = 1 AND number = 2": "step 1/2: world_x_m: missing",
+        "DELETE FROM step WHERE episode_id = 4 AND number = 1": "step 4: number",
+    },
+    {
+        "UPDATE episode SET end_reason = 'step_limit' WHERE id = 1": "episode 1: end_reason",
+        "UPDATE episode SET actions = actions + 1 WHERE id = 2": "episode 2: actions",
+        "UPDATE episode SET seed = seed + 1 WHERE id = 2": "episode 2: seed",
+        "UPDATE episode SET distance_to_goal_m = 0.5 WHERE id = 4": "episode 4: distance_to_goal_m",
+        "UPDATE episode SET final_x_m = final_x_m + 0.1 WHERE id = 4": "episode 4: final_x_m",
+        "UPDATE episode SET path_length_m = 9 WHERE id = 1": "episode 1: path_length_m",
+        "UPDATE episode SET geodesic_start_m = 9 WHERE id = 1": "episode 1: geodesic_start_m",
+        "UPDATE episode SET duration_s = 9 WHERE id = 1": "episode 1: duration_s",
+        "UPDATE episode SET thinking_s = 9 WHERE id = 1": "episode 1: thinking_s",
+        "UPDATE episode SET state = 'void' WHERE id = 1": "episode 1: state",
+    },
+    {
+        "UPDATE episode SET path_length_m = NULL WHERE id = 1": "episode 1: path_length_m: missing",
+        "UPDATE episode SET geodesic_start_m = NULL WHERE id = 1": "episode 1: geodesic_start_m: missing",
+        "UPDATE episode SET geodesic_end_m = NULL WHERE id = 1": "episode 1: geodesic_end_m: missing",
+        "UPDATE episode SET duration_s = NULL WHERE id = 1": "episode 1: duration_s: missing",
+        "UPDATE episode SET start_x_m = NULL WHERE id = 2": "episode 2: start_x_m: missing",
+        "UPDATE episode SET final_x_m = NULL WHERE id = 3": "episode 3: final_x_m",
+        "UPDATE episode SET path_length_m = NULL, geodesic_end_m = 0 WHERE id = 4": "episode 4: geodesic_end_m",
+    },
+    {
+        "UPDATE verdict SET success = 1 - success WHERE episode_id = 3": "verdict 3: success",
+        "UPDATE verdict SET distance_m = 0.1 WHERE episode_id = 4": "verdict 4: distance_m",
+        "UPDATE verdict SET reason = 'success' WHERE episode_id = 4": "verdict 4: reason",
+        "UPDATE verdict SET goal_instance = 'chair-9' WHERE episode_id = 4": "verdict 4: goal_instance",
+        "DELETE FROM verdict WHERE episode_id = 1": "verdict of episode 1",
+    },
+    {
+        "UPDATE episode SET started_at = '2026-13-41' WHERE id = 2": "episode 2: started_at",
+        "UPDATE process SET vsnbench_version = x'00'": "process 1: vsnbench_version",
+        "UPDATE process SET started_at = 'yesterday'": "process 1: started_at",
+    },
+    {
+        "UPDATE site SET content = replace(content, '0.8', '0.9')": "site 1: content",
+        "UPDATE robot SET profile = replace(profile, '0.177', '0.277')": "robot 1: profile",
+        "UPDATE model SET name = 'vlv' WHERE id = 2": "model 2: sha256",
+        "UPDATE campaign SET conditions = '{}' WHERE id = 1": "campaign 1: key",
+        "UPDATE campaign SET seed = 7 WHERE id = 2": "campaign 2: key",
+    },
+    {"UPDATE campaign SET protocol = replace(protocol, '150', '250') WHERE id = 1": "campaign 1: protocol"},
+)
+"""Changes by the start of the line that names each; those of one record are named together."""
 
 
-@pytest.mark.parametrize(("statement", "where"), CELLS.items())
-def test_a_changed_cell_that_other_rows_or_files_contradict_is_named(results: Path, statement: str, where: str) -> None:
-    change(results, statement)
-    found = verified(results, replay=None if statement.startswith("UPDATE step") else 0)
+@pytest.mark.parametrize("cells", CELLS, ids=lambda cells: next(iter(cells.values())).partition(":")[0])
+def test_changed_cells_that_other_rows_or_files_contradict_are_named(results: Path, cells: dict[str, str]) -> None:
+    change(results, *cells)
+    found = verified(results, replay=None if next(iter(cells)).startswith("UPDATE step") else 0)
     assert not found.holds
-    assert [line for line in lines(found) if line.startswith(where)], lines(found)
+    named = lines(found)
+    assert [where for where in cells.values() if not any(line.startswith(where) for line in named)] == [], named
 
 
 FILES: dict[str, tuple[Change, str]] = {
     "colour": (lambda at: flip(at / "rgb/0001.jpg"), "rgb/0001.jpg: does not have the bytes"),
-    "colour inside": (lambda at: flip(at / "rgb/0001.jpg", 700), "rgb/0001.jpg: does not have the bytes"),
+    "colour inside": (lambda at: flip(at / "rgb/0002.jpg", 700), "rgb/0002.jpg: does not have the bytes"),
     "depth": (lambda at: flip(at / "depth/0001.png", 60), "depth/0001.png: does not have the bytes"),
     "trajectory": (lambda at: flip(at / "trajectory.tum"), "trajectory.tum: line"),
-    "missing": (lambda at: (at / "rgb/0001.jpg").unlink(), "rgb/0001.jpg: is missing"),
-    "no trajectory": (lambda at: (at / "trajectory.tum").unlink(), "trajectory.tum: is missing"),
     "more": (lambda at: (at / "rgb/0999.jpg").write_bytes(b"x"), "rgb/0999.jpg: no row describes it"),
     "link": (lambda at: (at / "notes").symlink_to("/etc/passwd"), "notes: is not a regular file"),
+}
+"""What can be wrong in one episode at once."""
+PARTS: dict[str, tuple[Change, str]] = {
+    "missing": (lambda at: (at / "rgb/0001.jpg").unlink(), "rgb/0001.jpg: is missing"),
     "folder": (lambda at: (at / "depth").rename(at / "d") and (at / "depth").symlink_to("d"), "depth: is a link"),
     "pipe": (lambda at: (at / "rgb/0001.jpg").unlink() or os.mkfifo(at / "rgb/0001.jpg"), "is not a regular file"),
-    "all": (shutil.rmtree, "000001: is missing"),
+    "all": (shutil.rmtree, "000004: is missing"),
 }
+"""What is wrong in an episode each."""
 
 
-@pytest.mark.parametrize("kind", FILES)
-def test_a_changed_file_is_named(results: Path, kind: str) -> None:
-    harm, line = FILES[kind]
-    harm(results / "episodes/000001")
+def test_changed_files_of_an_episode_are_named(results: Path) -> None:
+    directory = results / "episodes/000001"
+    for harm, _ in FILES.values():
+        harm(directory)
     found = verified(results)
     assert not found.holds
-    assert [said for said in lines(found) if said.startswith("episodes/000001") and line in said], lines(found)
+    assert {line for _, line in FILES.values() if not _is_said(found, directory, line)} == set(), lines(found)
+
+
+def test_each_episode_without_a_file_or_with_another_thing_in_its_place_is_named(results: Path) -> None:
+    directories = [results / f"episodes/{number:06}" for number in range(1, 5)]
+    for directory, (harm, _) in zip(directories, PARTS.values(), strict=True):
+        harm(directory)
+    (directories[2] / "trajectory.tum").unlink()
+    found = verified(results)
+    assert not found.holds
+    assert _is_said(found, directories[2], "trajectory.tum: is missing")
+    for directory, (_, line) in zip(directories, PARTS.values(), strict=True):
+        assert _is_said(found, directory, line), (line, lines(found))
+
+
+def _is_said(found: Verification, directory: Path, line: str) -> bool:
+    return any(said.startswith(f"episodes/{directory.name}") and line in said for said in lines(found))
 
 
 def test_a_directory_that_no_episode_has_is_named(results: Path) -> None:

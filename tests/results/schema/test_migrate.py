@@ -242,7 +242,6 @@ def test_a_record_is_not_upgraded_under_a_robot_that_writes_to_it(
     url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with running_elsewhere(url) as robot:
-        assert robot.stdout is not None
         kept = int(robot.stdout.readline())
         with_one_more_migration(tmp_path, monkeypatch, "pass")
         for refused in (lambda: migrate.upgrade(open_engine(url)), lambda: Journal.open(url)):

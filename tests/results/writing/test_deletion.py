@@ -1,22 +1,22 @@
 """Deletion of episodes and campaigns: complete, also after a kill at any time, and limited to what is theirs."""
 
 import errno
+import itertools
 import json
 import os
 import shutil
 import signal
 import sqlite3
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import pytest
 
 from tests.cli.test_record_verbs import vsnbench
+from tests.processes import Fork
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
 from vsnbench.errors import RecordError
@@ -146,30 +146,6 @@ def test_an_episode_that_names_other_files_than_its_own_is_not_deleted(results: 
     assert sorted((results / "episodes").rglob("*")) == files
 
 
-KILLED = """
-import os, shutil, signal, sys
-from pathlib import Path
-from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.results.writing import deletion
-
-results, module, name, call, when = Path(sys.argv[1]), *sys.argv[2:]
-owner = {"deletion": deletion, "shutil": shutil, "Path": Path}[module]
-original, calls = getattr(owner, name), 0
-
-def killing(*args, **kwargs):
-    global calls
-    calls += 1
-    is_this_call = calls == int(call)
-    if is_this_call and when == "before":
-        os.kill(os.getpid(), signal.SIGKILL)
-    result = original(*args, **kwargs)
-    if is_this_call:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return result
-
-setattr(owner, name, killing)
-deletion.delete_for_good(ResultsDirectory.locate(results), [1, 2], [], author="ada", reason="a face")
-"""
 DELETE = ("db", "delete", "--episode", "1,2", "--reason", "a face", "--yes", "--json")
 
 
@@ -187,10 +163,27 @@ def on_a_disk(request: pytest.FixtureRequest, results: Path) -> Iterator[bool]:
         yield True
 
 
-def kill_during_deletion(results: Path, *point: str) -> None:
-    words = [sys.executable, "-c", KILLED, str(results), *point]
-    killed = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
-    assert killed.returncode == -signal.SIGKILL, killed.stderr
+def kill_during_deletion(results: Path, owner: str, name: str, call: str, when: str) -> None:
+    """Delete episodes 1 and 2 in another process, which is killed before or after a certain call of a function."""
+    owned = {"deletion": deletion, "shutil": shutil, "Path": Path}[owner]
+    original, calls = getattr(owned, name), itertools.count(1)
+
+    def killing(*arguments: Any, **keywords: Any) -> Any:
+        is_this_call = next(calls) == int(call)
+        if is_this_call and when == "before":
+            os.kill(os.getpid(), signal.SIGKILL)
+        result = original(*arguments, **keywords)
+        if is_this_call:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return result
+
+    def delete(_sink: TextIO) -> None:
+        setattr(owned, name, killing)  # in the fork only
+        delete_for_good(ResultsDirectory.locate(results), [1, 2], [], author="ada", reason="a face")
+
+    killed = Fork.of(delete)
+    assert killed.wait() == -signal.SIGKILL
+    killed.stdout.close()
 
 
 def assert_deleted(results: Path, aside: Path, before: dict[str, int]) -> None:

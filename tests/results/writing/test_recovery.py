@@ -1,15 +1,17 @@
 import os
-import subprocess
-import sys
+import signal
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, tzinfo
-from pathlib import Path
+from typing import TextIO
 
 import pytest
 from sqlalchemy import text
 
-from tests.results.records_of_a_lab import begun, forward, plan, run, running_elsewhere, stopped
+from tests.processes import Fork
+from tests.results.records_of_a_lab import begun, finish, forward, plan, run, running_elsewhere, stopped
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
+from vsnbench.results.writing.campaigns import Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import ProcessIdentity, this_process
 from vsnbench.results.writing.recovery import orphaned_episodes, recover_one
@@ -20,9 +22,8 @@ from vsnbench.values.pose import Pose
 def killed_in_mid_episode(url: str, steps: int) -> int:
     """Run an episode in another process, kill it after some steps, and return its last reported step."""
     with running_elsewhere(url) as process:
-        assert process.stdout is not None
         reported = [int(process.stdout.readline()) for _ in range(steps)][-1]
-        process.kill()
+        os.kill(process.pid, signal.SIGKILL)
         return max([reported, *map(int, process.stdout.read().split())])
 
 
@@ -173,41 +174,32 @@ def test_a_process_in_another_container_cannot_be_asked() -> None:
     assert elsewhere.is_alive(here) is None
 
 
-DRIVER = """
-import sys
-from dataclasses import replace
-from tests.results.records_of_a_lab import finish, plan, stopped
-from vsnbench.results.writing.campaigns import Trial
-from vsnbench.results.writing.journal import Journal
+def driver(url: str) -> Fork:
+    """Run 40 trials in another process, which writes the number of each claimed episode."""
 
-given = replace(plan(), trials=[Trial("chair", 1, repetition) for repetition in range(1, 41)])
-journal = Journal.open(sys.argv[1])
-campaign = journal.find_or_create_campaign(given)
-while (claim := journal.claim_next(campaign.id, [trial.id for trial in campaign.trials])) is not None:
-    print(claim.id, flush=True)
-    finish(journal, claim, stopped(success=True, actions=8), steps=8)
-"""
+    def drive(sink: TextIO) -> None:
+        given = replace(plan(), trials=[Trial("chair", 1, repetition) for repetition in range(1, 41)])
+        journal = Journal.open(url)
+        campaign = journal.find_or_create_campaign(given)
+        while (claim := journal.claim_next(campaign.id, [trial.id for trial in campaign.trials])) is not None:
+            sink.write(f"{claim.id}\n")
+            sink.flush()
+            finish(journal, claim, stopped(success=True, actions=8), steps=8)
 
-
-def driver(url: str) -> "subprocess.Popen[str]":
-    root = Path(__file__).parents[3]
-    command = [sys.executable, "-c", DRIVER, url]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root, env=environment)
+    return Fork.of(drive)
 
 
 @pytest.mark.slow
 def test_three_killed_drivers_on_an_empty_record_run_every_trial_once(url: str) -> None:
     drivers = [driver(url) for _ in range(3)]
     for killed in drivers[:2]:
-        assert killed.stdout is not None
         for _ in range(4):
-            killed.stdout.readline()
+            assert killed.stdout.readline()
         killed.kill()
-        killed.communicate()
-    assert [drivers[2].wait(120), driver(url).wait(120)] == [0, 0]
-    for one in drivers[2:]:
-        one.communicate()
+    drivers.append(last := driver(url))
+    assert [drivers[2].wait(), last.wait()] == [0, 0]
+    for one in drivers:
+        one.stdout.close()
     with Journal.open(url) as journal:
         episodes = list_episodes(journal.engine, EpisodeFilter())
         assert len(list_campaigns(journal.engine)) == 1

@@ -68,7 +68,6 @@ def test_a_database_that_a_run_writes_is_not_replaced(tmp_path: Path, url: str) 
     add(url, 3)
     backup(url, tmp_path / "monday")
     with running_elsewhere(url) as process:
-        assert process.stdout is not None
         assert process.stdout.readline()
         with pytest.raises(RecordError, match=f"process {process.pid} on"):
             restore(url, tmp_path / "monday", tmp_path)

@@ -38,7 +38,7 @@ def test_a_failed_measurement_over_ros2_is_an_error_of_one_line(graph: Graph2, t
     [
         calibrating.finds_the_camera_askew,
         pytest.param(calibrating.names_a_contradiction, marks=pytest.mark.long),
-        calibrating.crops_the_view_from_a_fisheye_lens,
+        pytest.param(calibrating.crops_the_view_from_a_fisheye_lens, marks=pytest.mark.long),
         pytest.param(calibrating.survives_an_unnamed_compressed_topic, marks=pytest.mark.long),
     ],
 )

@@ -9,7 +9,8 @@ from tests.robots.client import Client
 from tests.robots.fault_table import checks_of
 from tests.ros.ros2.graph import HERE, PROFILE, live_graph, send_line
 
-pytestmark = pytest.mark.ros2
+# Daily, tests/robots/checkup and tests/robots/ros/test_image_timing.py tell them apart, and test_faults.py is live.
+pytestmark = [pytest.mark.ros2, pytest.mark.long]
 
 
 def test_faults_of_a_camera_are_told_apart(tmp_path) -> None:

@@ -3,12 +3,13 @@
 import math
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import pytest
 
 from tests.processes import wait_until
-from tests.robots.drives import FAULTS, FAULTS_IN_FLIGHT, FREE, IN_FLIGHT
+from tests.robots.drives import FAULTS, FREE, IN_FLIGHT
 from tests.robots.fault_table import FaultRow
 from tests.robots.faulty_rig import STOPS_WITHIN_S, Ending
 from tests.ros.ros1.network import PATIENCE_S
@@ -43,7 +44,17 @@ def check(rig: Rig2, cause: str, end: Ending, movement: str, says: str) -> None:
     assert not second.started
 
 
-@pytest.mark.parametrize("name", FREE)
+def by_lane(cases: Iterable[tuple[str, ...]], *daily: tuple[str, ...]) -> list[Any]:
+    """Return cases of both lanes; those that are not daily are long tests."""
+    both = [(lane, *case) for lane in ("workstation", "next to the base") for case in cases]
+    return [pytest.param(*case, marks=() if case in daily else pytest.mark.long) for case in both]
+
+
+@pytest.mark.parametrize(
+    ("shared_rig", "name"),
+    by_lane([(name,) for name in FREE], ("workstation", "waypoint"), ("next to the base", "trajectory")),
+    indirect=["shared_rig"],
+)
 def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
     movement, (x_m, y_m) = FREE[name]
     before = rig.client("observe")["pose"]
@@ -56,7 +67,16 @@ def test_a_movement_ends_where_it_was_asked_to(rig: Rig2, name: str) -> None:
     assert rig.client("kinds") == ["discrete", "move", "sidestep", "trajectory", "velocity", "waypoint"]
 
 
-@pytest.mark.parametrize(("movement", "fault"), FAULTS_IN_FLIGHT)
+@pytest.mark.parametrize(
+    ("shared_rig", "movement", "fault"),
+    by_lane(
+        [(movement, fault) for movement in IN_FLIGHT for fault in FAULTS],
+        ("workstation", "waypoint", "silent"),
+        ("workstation", "velocity", "stuck"),
+        ("next to the base", "waypoint", "bumper"),
+    ),
+    indirect=["shared_rig"],
+)
 def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str, fault: str) -> None:
     says, sensor_lost = FAULTS[fault]
     end = rig.end_by(lambda: send_line(rig.robot, fault), says, "drive", IN_FLIGHT[movement])
@@ -64,7 +84,11 @@ def test_a_fault_of_the_base_ends_a_movement_in_flight(rig: Rig2, movement: str,
     assert end.result["sensor_lost"] is sensor_lost
 
 
-@pytest.mark.parametrize("movement", ["waypoint", pytest.param("velocity", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("shared_rig", "movement"),
+    by_lane([(movement,) for movement in IN_FLIGHT], ("workstation", "waypoint")),
+    indirect=["shared_rig"],
+)
 def test_a_silent_camera_blocks_a_movement_in_flight(rig: Rig2, movement: str) -> None:
     end = rig.end_by(lambda: send_line(rig.robot, "blind"), "no depth image", "drive", IN_FLIGHT[movement])
     ended_s = time.monotonic()
@@ -138,7 +162,9 @@ def test_a_killed_workstation_leaves_a_base_at_rest(rig: Rig2, movement: str) ->
 
 
 @pytest.mark.parametrize(
-    "fault", ["bumper", *(pytest.param(name, marks=pytest.mark.long) for name in FAULTS if name != "bumper")]
+    ("shared_rig", "fault"),
+    by_lane([(fault,) for fault in FAULTS], ("next to the base", "bumper")),
+    indirect=["shared_rig"],
 )
 def test_a_fault_of_the_base_ends_driving_on(rig: Rig2, fault: str) -> None:
     """The robot drives on, with a new path every 0.3 s."""

@@ -60,17 +60,23 @@ def ended(result: dict) -> tuple[str, str]:
     return result["end_reason"], result["failure"]
 
 
-@pytest.mark.parametrize(
-    ("fault", "said", "sensor_lost"),
-    [
-        ("silent", "no odometry", True),
-        ("nan", "odometry is not finite", True),
-        ("jump", "odometry jumped 1.5", True),
-        ("bumper", "bumper", False),
-        ("cliff", "cliff (cliff_front_left)", False),
-        ("stuck", "the base does not follow its commands", False),
-    ],
-)
+FAULTS = [
+    ("silent", "no odometry", True),
+    ("nan", "odometry is not finite", True),
+    ("jump", "odometry jumped 1.5", True),
+    ("bumper", "bumper", False),
+    ("cliff", "cliff (cliff_front_left)", False),
+    ("stuck", "the base does not follow its commands", False),
+]
+IN_LANES = [
+    pytest.param(lane, *fault, marks=() if (place + number) % 2 == 0 else pytest.mark.long)
+    for place, lane in enumerate(("workstation", "next to the base"))
+    for number, fault in enumerate(FAULTS)
+]
+"""Every fault in one lane; in the other it is a long test."""
+
+
+@pytest.mark.parametrize(("shared_rig", "fault", "said", "sensor_lost"), IN_LANES, indirect=["shared_rig"])
 def test_a_fault_in_a_movement_stops_the_base(rig, fault, said, sensor_lost) -> None:
     end = rig.end_by(lambda: send_line(rig.robot, fault), said, "execute", "MOVE_FORWARD")
     second = rig.second("execute", "MOVE_FORWARD")
@@ -81,6 +87,9 @@ def test_a_fault_in_a_movement_stops_the_base(rig, fault, said, sensor_lost) -> 
     assert not second.started
 
 
+@pytest.mark.parametrize(
+    "shared_rig", ["workstation", pytest.param("next to the base", marks=pytest.mark.long)], indirect=True
+)
 def test_another_publisher_ends_a_movement_at_once(rig) -> None:
     rival = rig.graph.start(HERE / "nodes" / "rival.py", *(["--stamped"] if rig.node else []))
     try:
@@ -129,6 +138,9 @@ def test_a_camera_that_fails_is_a_lost_sensor(rig, fault, code) -> None:
     assert stands_since(rig.robot) is not None
 
 
+@pytest.mark.parametrize(
+    "shared_rig", ["workstation", pytest.param("next to the base", marks=pytest.mark.long)], indirect=True
+)
 def test_a_base_stops_when_the_workstation_is_stopped(rig) -> None:
     """The node next to the base stops it, or the base itself, with the limit of a Create 3 and a Stretch."""
     if rig.node is None:

@@ -1,6 +1,7 @@
 """Edits of a locked study by SQL are found by its lock, its log and the random draw."""
 
 import json
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +18,7 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.studies.entries import RecordedStudy
 from vsnbench.results.studies.log import event_hash, events_of
+from vsnbench.results.studies.queries import studies
 from vsnbench.results.writing.journal import Journal
 from vsnbench.study.lock import LockNote
 from vsnbench.study.schedule import Schedule
@@ -25,20 +27,33 @@ OF_THESE_CELLS = study_text(stopping="decided", about="these-cells")
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
+def empty(tmp_path: Path) -> Iterator[Journal]:
     with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record of a study with 4 of 16 trials done, one judged again and one judgement retracted; tests copy it."""
+    path = tmp_path_factory.mktemp("study") / "vsnbench.db"
+    with Journal.open(sqlite_url(path)) as journal:
+        run_ranks(journal, lock_drawn(journal), range(4))
+        journal.judge(2, Verdict(EndReason.STOP, True, "it was in reach"), author="Eva")
+        journal.judge(3, Verdict(EndReason.STOP, True, "a slip"), author="Eva")
+        journal.retract_verdict(3, author="Eva", seen=2)
+    return path
+
+
+@pytest.fixture
+def journal(database: Path, tmp_path: Path) -> Iterator[Journal]:
+    with Journal.open(sqlite_url(shutil.copy(database, tmp_path / "vsnbench.db"))) as opened:
         yield opened
 
 
 @pytest.fixture
 def study(journal: Journal) -> RecordedStudy:
-    """Return a study with 4 of 16 trials done, one judged again and one judgement retracted."""
-    locked = lock_drawn(journal)
-    run_ranks(journal, locked, range(4))
-    journal.judge(2, Verdict(EndReason.STOP, True, "it was in reach"), author="Eva")
-    journal.judge(3, Verdict(EndReason.STOP, True, "a slip"), author="Eva")
-    journal.retract_verdict(3, author="Eva", seen=2)
-    return locked
+    (one,) = studies(journal.engine)
+    return one
 
 
 def change(journal: Journal, *statements: str) -> None:
@@ -183,15 +198,15 @@ def test_the_lock_file_shows_a_removed_log(journal: Journal, study: RecordedStud
 
 
 @pytest.mark.parametrize("text", [OF_THESE_CELLS, study_text()], ids=["these cells", "whole plan"])
-def test_an_order_that_was_not_drawn_is_found_despite_valid_hashes(journal: Journal, text: str) -> None:
+def test_an_order_that_was_not_drawn_is_found_despite_valid_hashes(empty: Journal, text: str) -> None:
     fair = drawn(text)
     # A planted order: the same arm first in every block.
     first = min(fair.codes)
     planted = sorted(fair.trials, key=lambda one: (one.block, one.arm != first))
     schedule = Schedule(tuple(replace(one, rank=rank) for rank, one in enumerate(planted)), fair.codes)
     assert schedule.fingerprint != fair.fingerprint
-    study = lock_drawn(journal, text, schedule)
-    found = integrity(journal, study.uuid, note_of(journal, study)).differences
+    study = lock_drawn(empty, text, schedule)
+    found = integrity(empty, study.uuid, note_of(empty, study)).differences
     assert any("not the random draw from seed 7" in words for words in found)
     assert len(found) == 1 + sum(a != b for a, b in zip(fair.trials, schedule.trials, strict=True))
 
@@ -199,14 +214,14 @@ def test_an_order_that_was_not_drawn_is_found_despite_valid_hashes(journal: Jour
 BY_STARTS = study_text(stopping="decided", about="cells-like-these")
 
 
-def test_a_study_of_starting_positions_may_hold_the_older_order_of_blocks(journal: Journal) -> None:
-    locked = lock_drawn(journal, BY_STARTS, drawn(OF_THESE_CELLS))
-    assert integrity(journal, locked.uuid, note_of(journal, locked)).differences == ()
+def test_a_study_of_starting_positions_may_hold_the_older_order_of_blocks(empty: Journal) -> None:
+    locked = lock_drawn(empty, BY_STARTS, drawn(OF_THESE_CELLS))
+    assert integrity(empty, locked.uuid, note_of(empty, locked)).differences == ()
 
 
-def test_a_sequential_study_of_these_cells_may_not_run_start_by_start(journal: Journal) -> None:
-    locked = lock_drawn(journal, OF_THESE_CELLS, drawn(BY_STARTS))
-    found = integrity(journal, locked.uuid, note_of(journal, locked)).differences
+def test_a_sequential_study_of_these_cells_may_not_run_start_by_start(empty: Journal) -> None:
+    locked = lock_drawn(empty, OF_THESE_CELLS, drawn(BY_STARTS))
+    found = integrity(empty, locked.uuid, note_of(empty, locked)).differences
     assert any("not the random draw" in words for words in found)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.simulator.scenery import LOOKS, a_site
 from vsnbench.simulator.primitives import Scene, Shape
-from vsnbench.simulator.rendering.mesh import build_mesh
+from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
 from vsnbench.simulator.rendering.renderer import DepthDrawer, Eye, Frame, Pinhole, Renderer, eye_of
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Door, Site, SiteObject, Wall, Window
@@ -140,9 +140,9 @@ def traced(scene: Scene, eye: Eye, camera: Camera) -> tuple[npt.NDArray[np.float
     return depth, geoms.reshape(length.shape)
 
 
-def categories_seen(scene: Scene, eye: Eye, camera: Camera) -> npt.NDArray[np.str_]:
+def categories_seen(scene: Scene, eye: Eye, camera: Camera, mesh: Mesh | None = None) -> npt.NDArray[np.str_]:
     """Return the category of the surface at each pixel (H, W), empty without a surface."""
-    mesh = build_mesh(scene)
+    mesh = mesh or build_mesh(scene)
     faces = DepthDrawer(mesh).draw(eye, Pinhole(camera.width, camera.height, camera.focal_px, *camera.center_px)).face
     names = np.array([primitive.category for primitive in scene.primitives if primitive.visible])
     return np.where(faces >= 0, names[mesh.owner[faces]], "")
@@ -252,7 +252,7 @@ def test_nothing_is_infinitely_far_and_not_an_object() -> None:
 
 
 @pytest.fixture(scope="module")
-def gallery() -> tuple[list[SiteObject], Scene]:
+def gallery() -> tuple[list[SiteObject], Scene, Renderer, Mesh]:
     """Every look there is, in rows, with room to see each."""
     things = []
     for k, (category, model) in enumerate(LOOKS):
@@ -269,19 +269,22 @@ def gallery() -> tuple[list[SiteObject], Scene]:
         )
     site = a_site(*things, polygon=((0, 0), (20, 0), (20, 20), (0, 20)))
     walls = [Wall(start=(0, 0), end=(20, 0)), Wall(start=(0, 20), end=(20, 20))]
-    return things, build_scene(site.model_copy(update={"walls": walls}))
+    scene = build_scene(site.model_copy(update={"walls": walls}))
+    return things, scene, Renderer(scene), build_mesh(scene)
 
 
 @pytest.mark.parametrize("index", range(len(LOOKS)), ids=[model for _, model in LOOKS])
-def test_every_look_is_seen_under_its_own_id(gallery: tuple[list[SiteObject], Scene], index: int) -> None:
-    things, scene = gallery
+def test_every_look_is_seen_under_its_own_id(
+    gallery: tuple[list[SiteObject], Scene, Renderer, Mesh], index: int
+) -> None:
+    things, scene, renderer, mesh = gallery
     thing = things[index]
     eye = Eye(thing.position[0] - 1.5, thing.position[1], 1.0, 0.0, -0.4)
     camera = CAMERA.resized(160, 120)
-    frame = Renderer(scene).render_from(eye, 160, 120, camera.focal_px)
+    frame = renderer.render_from(eye, 160, 120, camera.focal_px)
     own = frame.instance == index + 1
     assert own.mean() > 0.02
-    categories = categories_seen(scene, eye, camera)
+    categories = categories_seen(scene, eye, camera, mesh)
     assert set(np.unique(categories[own])) == {thing.category}
     beside = ~own & (categories == "floor")
     difference = frame.rgb[own].mean(0) - frame.rgb[beside].mean(0)
