@@ -6,12 +6,9 @@ import re
 import signal
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import settings
-from sqlalchemy import ClauseElement, Dialect
-from sqlalchemy.util import LRUCache
 
 from tests.long_tests import LONG
 
@@ -185,26 +182,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # nohup; vsnbench leaves it ignored, and tests send it
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
-def _share_compiled_statements() -> None:
-    """Let all engines of a process share what SQLAlchemy compiles: each test opens records whose caches are empty.
-
-    A seventh of the processor time of tests of the record went into compiling the same statements again.
-    """
-    compile_cached = ClauseElement._compile_w_cache
-    dialects: dict[str, Dialect] = {}
-    compiled: Any = LRUCache(2_000)
-
-    def compile_shared(self: ClauseElement, dialect: Dialect, *, compiled_cache: Any, **options: Any) -> Any:
-        if compiled_cache is not None:
-            dialect, compiled_cache = dialects.setdefault(dialect.name, dialect), compiled
-        return compile_cached(self, dialect, compiled_cache=compiled_cache, **options)
-
-    ClauseElement._compile_w_cache = compile_shared  # type: ignore[assignment]
-
-
-_share_compiled_statements()
 
 
 @pytest.hookimpl(wrapper=True)
