@@ -17,7 +17,7 @@ from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import Choice, QuestionKind
 from vsnbench.web.operator import app, clients
 from vsnbench.web.operator.clients import Clients
-from vsnbench.web.operator.page import qr_code
+from vsnbench.web_server.page_address import qr_code
 from vsnbench.web_server.session_key import Visitor
 
 
