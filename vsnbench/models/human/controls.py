@@ -59,6 +59,8 @@ class View:
     """The goal in words; empty for a photograph."""
     photo: bytes | None = None
     """JPEG of an image goal."""
+    success_distance_m: float | None = None
+    """Distance to the goal below which STOP is a success; None if the driver is not told."""
     picture: int = 0
     """Number of the newest picture in this session."""
     budget: Budget = NO_LIMITS
@@ -156,7 +158,7 @@ class Controls:
 
     # Called by the policy, from the main thread. `SimpleQueue.get` lets a request to stop interrupt it.
 
-    def offer_trial(self, goal: str, photo: bytes | None = None) -> None:
+    def offer_trial(self, goal: str, photo: bytes | None = None, success_distance_m: float | None = None) -> None:
         """Offer a trial, and return when the driver begins it. There is no time limit.
 
         Raises:
@@ -169,7 +171,7 @@ class Controls:
                 code="no-driver-page",
             )
         trial = self.view.trial + 1
-        self._renew(View(Phase.READY, trial, goal, photo, self.view.picture)).get()
+        self._renew(View(Phase.READY, trial, goal, photo, success_distance_m, self.view.picture)).get()
 
     def ask(self, picture_jpeg: bytes, budget: Budget) -> Action:
         """Show a picture, and return the action that the driver chooses.

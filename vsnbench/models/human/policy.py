@@ -7,6 +7,7 @@ from vsnbench.config import VARIABLE_OF
 from vsnbench.errors import UsageError
 from vsnbench.models.contract import Policy
 from vsnbench.models.human.controls import NO_LIMITS, Controls
+from vsnbench.models.task import Task
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.action import ActionKind
 from vsnbench.values.decision import Decision
@@ -73,9 +74,15 @@ class Human(Policy):
             ModelError: no page serves the controls.
         """
         del seed
-        image = goal.image if isinstance(goal, Goal) else None
-        words = goal.text if isinstance(goal, Goal) else goal
-        self.controls.offer_trial(words, None if image is None else encode_jpeg(image))
+        self._offer(goal, None)
+
+    def begin(self, task: Task) -> None:
+        """Offer the trial with the rule of success, and return when the driver begins it.
+
+        Raises:
+            ModelError: no page serves the controls.
+        """
+        self._offer(task.goal, task.protocol.success_distance_m)
 
     def act(self, observation: Observation) -> Decision:
         """Return the action that the driver chooses for the camera image.
@@ -92,3 +99,8 @@ class Human(Policy):
     def close(self) -> None:
         """Show the driver that the session is over."""
         self.controls.close()
+
+    def _offer(self, goal: str, success_distance_m: float | None) -> None:
+        image = goal.image if isinstance(goal, Goal) else None
+        words = goal.text if isinstance(goal, Goal) else goal
+        self.controls.offer_trial(words, None if image is None else encode_jpeg(image), success_distance_m)

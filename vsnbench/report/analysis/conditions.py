@@ -15,6 +15,7 @@ from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.values.action import ActionKind
+from vsnbench.values.model.person import DRIVER, HUMAN
 from vsnbench.values.robot_identity import IMPORTED, REHEARSAL_KEY
 
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m", "execution")
@@ -93,6 +94,23 @@ class Condition:
         return text_of_conditions(self.conditions)
 
     @property
+    def driver(self) -> str:
+        """Name of the person who drove; empty for a model."""
+        return str(self.settings.get(DRIVER, "")) if self.model == HUMAN else ""
+
+    @property
+    def label(self) -> str:
+        """The model, with the name of the driver for a person."""
+        return f"{self.model} {self.driver}" if self.driver else self.model
+
+    @property
+    def not_competing(self) -> str:
+        """Why it is shown for reference, and neither ranked nor compared with the models; empty for a competitor."""
+        if self.driver:
+            return "a person: a reference, not a competitor"
+        return "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else ""
+
+    @property
     def action_kinds(self) -> tuple[str, ...]:
         """Kinds of the model's answers. Numbers of actions of different kinds are not comparable."""
         kinds = self.settings.get("action_kinds")
@@ -134,7 +152,7 @@ class Condition:
     def description(self) -> str:
         """Footnote to the name: robot, site, protocol and differing settings."""
         weights = f" ({self.weights_sha256[:8]})" if self.weights_sha256 else ""
-        label = "" if self.execution == STACK else "weights: "
+        label = "" if self.execution == STACK or self.driver else "weights: "
         parts = [
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
@@ -150,7 +168,7 @@ class Condition:
             f"{label}{self.weights_label}{weights}" if self.weights_label else "",
             f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
-            "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",
+            self.not_competing,
         ]
         return "; ".join(part for part in parts if part) + "."
 
@@ -246,8 +264,8 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     """
     names, differing = dict[int, str](), dict[int, tuple[str, ...]]()
     all_facets = [dict(_facets(condition)) for condition in conditions]
-    for model in dict.fromkeys(condition.model for condition in conditions):
-        places = [place for place, condition in enumerate(conditions) if condition.model == model]
+    for model in dict.fromkeys(condition.label for condition in conditions):
+        places = [place for place, condition in enumerate(conditions) if condition.label == model]
         facets = [all_facets[place] for place in places]
         # A hash of the code appears only in the footnote.
         readable = [{facet: text for facet, text in own.items() if facet != "model code"} for own in facets]
@@ -267,7 +285,7 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     taken = list(names.values())
     for place, member in enumerate(conditions):
         clashes = taken.count(names[place]) > 1
-        bare = names[place] == member.model and [other.model for other in conditions].count(member.model) > 1
+        bare = names[place] == member.label and [other.label for other in conditions].count(member.label) > 1
         if clashes or bare:
             names[place] = f"{names[place]} #{member.number}"
     return tuple(

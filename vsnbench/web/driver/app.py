@@ -141,6 +141,7 @@ def driver_json(controls: Controls, visitor: str) -> dict[str, Any]:
         "trial": view.trial,
         "goal": view.goal,
         "has_photo": view.photo is not None,
+        "success_distance_m": view.success_distance_m,
         "picture": view.picture,
         "actions_left": budget.actions_left,
         "time_left_s": None if budget.time_left_s is None else round(budget.time_left_s, 1),

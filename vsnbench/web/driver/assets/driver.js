@@ -39,6 +39,7 @@ function render() {
   show("practice", state.practice && phase !== "ended");
   show("start", canTake);
   at("start-goal").textContent = `Goal: ${words}`;
+  at("start-rule").textContent = state.success_distance_m === null ? "press it at the goal." : `press it with the goal in sight and less than ${state.success_distance_m} m away.`;
   at("start-driver").textContent = `You drive as ${driver}: the name is recorded with the trial.`;
   at("begin").textContent = phase === "ready" ? "Begin" : "Take the controls";
   show("picture", isDriving && shown > 0);
