@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from vsnbench.errors import UsageError
 from vsnbench.plugins import plug_ins
 from vsnbench.values.model.person import HUMAN
 
@@ -67,3 +68,17 @@ def is_human(name: str) -> bool:
 def driver_of(name: str) -> str:
     """Return the driver in the name of a person; empty without one."""
     return name.partition(":")[2].strip()
+
+
+def require_no_person(name: str, command: str) -> None:
+    """Check that a model is not a person, who can only drive the trials of one campaign.
+
+    Raises:
+        UsageError: it is.
+    """
+    if is_human(name):
+        raise UsageError(
+            f"{command}: {name} is a person, who drives the trials of `vsnbench run`",
+            advice=f"vsnbench run --model {name} --goal chair",
+            code="needs-driver",
+        )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import StudyError, UsageError
+from vsnbench.models.names import require_no_person
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.protocol.free_space import free_space
 from vsnbench.results.studies.entries import RecordedStudy
@@ -127,6 +128,10 @@ class StudyPlace:
             VsnbenchError: the model cannot be loaded.
         """
         chosen = self.study.arms[arm]
+        try:
+            require_no_person(chosen.model, "study")
+        except UsageError as error:
+            raise StudyError(f"arm {arm}: {error}") from error
         spec = TrialSetupSpec(
             site=self.site,
             model=chosen.model,
