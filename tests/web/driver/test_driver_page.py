@@ -6,10 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from tests.processes import wait_until
 from tests.web.driver.driven import Driver, entered
+from vsnbench.cli.results.lerobot_export import export_lerobot
 from vsnbench.errors import UsageError
 from vsnbench.models.human.controls import NO_LIMITS, Controls, Phase
 from vsnbench.report.analysis.conditions import Selection
@@ -128,11 +130,14 @@ def test_a_person_drives_a_campaign_and_is_a_reference_in_its_report(tmp_path: P
     assert shown.shape == recorded.shape
     url = ResultsDirectory.locate(tmp_path / "results", None).database_url
     first = episode_record(open_engine(url, read_only=True), 1)
-    assert (first.model, first.outcome, first.actions) == ("human", "failure", 3)
+    assert (first.model, first.driver, first.outcome, first.actions) == ("human", "ada", "failure", 3)
     (summary,) = summarise(read(url, Selection())).conditions
     assert (summary.condition.name, summary.condition.driver) == ("human ada", "ada")
     assert not summary.is_competitor
     assert "not a competitor" in summary.condition.description
+    export_lerobot(ResultsDirectory.locate(tmp_path / "results", None), tmp_path / "dataset", (), with_depth=False)
+    (demonstrations,) = (tmp_path / "dataset" / "meta" / "episodes").rglob("*.parquet")
+    assert pq.read_table(demonstrations)["vsnbench/driver"].to_pylist() == ["ada", "ada"]
 
 
 def test_practice_trials_are_repeated_until_there_are_enough(tmp_path: Path) -> None:

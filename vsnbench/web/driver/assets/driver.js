@@ -57,7 +57,7 @@ function render() {
     if (canChoose()) at(action).classList.remove("pressed");
   }
   const taken = controls === "taken" && phase !== "ended";
-  at("status").textContent = taken ? `${driver} drives this robot in another browser.` : isMine() && phase === "choosing" ? "Choose an action." : canTake ? "" : STATUS[phase] ?? "";
+  at("status").textContent = taken ? `${driver} drives this robot in another browser.` : isMine() && phase === "choosing" ? (answered === state.picture ? STATUS.moving : "Choose an action.") : canTake ? "" : STATUS[phase] ?? "";
 }
 
 function leftText() {
