@@ -120,6 +120,7 @@ function showStatus(link) {
 }
 
 function receive(newState) {
+  if (newState.picture < Math.max(shown, answered)) shown = answered = 0; // the page has outlived a run
   state = newState;
   render();
   loadPicture();
