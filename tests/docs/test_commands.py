@@ -37,6 +37,7 @@ NOT_RUN = {
     "a bare machine": "installs hundreds of megabytes; `make test` begins with `make setup`",
     "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
+    "a person": "tests/web/driver drives through the page, in a run and in a browser",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
     "an address": "of weights; tests/cli/models/test_fetching.py fetches from a local server",
 }

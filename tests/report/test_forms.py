@@ -17,6 +17,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import Report, build
 from vsnbench.report.formats.csv import to_csv
+from vsnbench.report.formats.html import html_page
 from vsnbench.report.formats.json import to_json
 from vsnbench.report.formats.latex import document, latex
 from vsnbench.report.formats.latex import escaped as latex_escaped
@@ -250,6 +251,15 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
     assert out.getvalue().count(" chair ") == 1, "one table, and no total of a single goal"
     assert ("Left out at this width: " in out.getvalue()) == (width < 150)
     assert "void" in out.getvalue().split("Left out")[0] or width < 80
+
+
+def test_a_person_is_marked_in_the_overview_and_apart_in_the_page(tmp_path: Path) -> None:
+    lab = Lab(tmp_path)
+    lab.write([Attempt(start=start) for start in range(1, 16)])
+    lab.write([Attempt(start=start) for start in range(1, 16)], model="human", settings={"driver": "ada"})
+    report = build(lab.url, Selection())
+    assert [line.cells[0].text for line in overview_table(report.results).rows] == ["vlv", "human ada (person)"]
+    assert "People: a reference, not competitors" in html_page(report, report.tables(), [])
 
 
 def test_models_with_a_single_goal_have_one_column_of_rates(tmp_path: Path) -> None:

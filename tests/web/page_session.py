@@ -20,7 +20,7 @@ from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.episode.recorder import RecordingOptions
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.executors.in_process import DrivingModel, InProcessExecutor
-from vsnbench.runner.loop.contract import Session
+from vsnbench.runner.loop.contract import Session, TrialExecutor
 from vsnbench.runner.operator.contract import EndedEpisode, TrialCounts, Upcoming
 from vsnbench.runner.operator.prompts import OperatorPrompts
 from vsnbench.values.battery import Battery
@@ -34,6 +34,7 @@ class PageSession:
     prompts: OperatorPrompts
     journal: Journal
     address: str
+    robots: TrialExecutor
     camera: list[npt.NDArray[np.uint8]]
     """The live camera image, or nothing."""
     stops: list[str] = field(default_factory=list)
@@ -80,7 +81,7 @@ def page_session(directory: Path) -> Iterator[PageSession]:
             Upcoming(claim.id, claim.trial.id, "arm A", EpisodePlan(site, "chair", site.starts[1], 7, parameters))
         )
         with OperatorPage(port=0).serve(prompts, session) as text:
-            yield PageSession(prompts, journal, text.split()[-1], camera, stops)
+            yield PageSession(prompts, journal, text.split()[-1], robots, camera, stops)
 
 
 def ended_episode(session: PageSession) -> EndedEpisode:

@@ -125,9 +125,9 @@ class Policy(ABC):
         raise NotImplementedError(f"{cls.__name__}.check")
 
     def end_episode(self) -> None:
-        """Learn that the episode has ended. Called at once, before the robot is at rest; must not wait.
+        """Learn that the episode has ended. Must not wait.
 
-        Does nothing by default. A stack is told to abort here.
+        Does nothing by default. A stack is told to abort here, before the robot is at rest.
         """
 
     def close(self) -> None:

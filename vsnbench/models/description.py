@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pydantic import BaseModel
 
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.names import is_address, is_stack, stack_file
+from vsnbench.models.names import is_address, is_human, is_stack, stack_file
 from vsnbench.models.registry import keywords_of, locate
+from vsnbench.values.model.person import HUMAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,8 @@ def describe_model(name: str) -> ModelDescription:
         return _describe_server(name)
     if is_stack(name):
         return _describe_stack(name)
+    if is_human(name):
+        name = HUMAN
     where, factory = locate(name)
     text = inspect.getdoc(inspect.getmodule(factory)) or inspect.getdoc(factory) or ""
     policy = factory if isinstance(factory, type) and issubclass(factory, Policy) else Policy

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from vsnbench.errors import UsageError
 from vsnbench.plugins import plug_ins
+from vsnbench.values.model.person import HUMAN
 
 ENTRY_POINT_GROUP = "vsnbench.models"
 
@@ -15,6 +17,7 @@ BUILT_IN: dict[str, str] = {
     "frontier": "vsnbench.models.baselines.frontier:Frontier",
     "frontier-waypoints": "vsnbench.models.baselines.waypoint_frontier:WaypointFrontier",
     "vlv": "vsnbench.models.vlv.policy:VLV",
+    HUMAN: "vsnbench.models.human.policy:Human",
 }
 """Name -> class."""
 
@@ -32,7 +35,10 @@ def class_of(name: str) -> str:
 def is_third_party(name: str) -> bool:
     """Return whether a name stands for code outside vsnbench. A server and a stack's file describe their models."""
     return (
-        not is_address(name) and not is_stack(name) and class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
+        not is_address(name)
+        and not is_stack(name)
+        and not is_human(name)
+        and class_of(name).partition(":")[0].partition(".")[0] != "vsnbench"
     )
 
 
@@ -52,3 +58,27 @@ def is_stack(name: str) -> bool:
 def stack_file(name: str) -> Path:
     """Return the file of a stack's name."""
     return Path(name.removeprefix(STACK_PREFIX))
+
+
+def is_human(name: str) -> bool:
+    """Return whether a name is `human`, or `human:` with the name of the person who drives."""
+    return name.partition(":")[0] == HUMAN
+
+
+def driver_of(name: str) -> str:
+    """Return the driver in the name of a person; empty without one."""
+    return name.partition(":")[2].strip()
+
+
+def require_no_person(name: str, command: str) -> None:
+    """Check that a model is not a person, who can only drive the trials of one campaign.
+
+    Raises:
+        UsageError: it is.
+    """
+    if is_human(name):
+        raise UsageError(
+            f"{command}: {name} is a person, who drives the trials of `vsnbench run`",
+            advice=f"vsnbench run --model {name} --goal chair",
+            code="needs-driver",
+        )

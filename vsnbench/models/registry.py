@@ -9,13 +9,14 @@ from pydantic import ValidationError
 
 from vsnbench.errors import ModelError, UsageError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.names import class_of, is_address, is_stack, known_models, stack_file
+from vsnbench.models.names import class_of, driver_of, is_address, is_human, is_stack, known_models, stack_file
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.plugins import import_factory, unknown_name
 from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.settings.validation import first_error
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.model.card import copy_of
+from vsnbench.values.model.person import HUMAN
 
 if TYPE_CHECKING:
     from vsnbench.models.remote.isolation import Isolation
@@ -29,7 +30,7 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
 
     Args:
         name: a built-in model, a plug-in's entry point in the group `vsnbench.models`, `package.module:Class`, or the
-            address of a served one, `ws://host:port`, or `stack:FILE.yaml`.
+            address of a served one, `ws://host:port`, or `stack:FILE.yaml`, or `human:NAME`.
         isolation: settings of the separate process in which to start the model; None for this process.
         options: arguments of the policy's constructor.
 
@@ -38,7 +39,7 @@ def create_policy(name: str, isolation: "Isolation | None" = None, **options: An
         ModelError: the class cannot be imported or instantiated, or is not a policy.
     """
     if isolation is not None:
-        if is_stack(name):
+        if is_stack(name) or is_human(name):
             raise UsageError(
                 f"--isolate: {name} does not run in a process of vsnbench",
                 advice="leave --isolate out",
@@ -125,6 +126,9 @@ def locate(name: str) -> tuple[str, Any]:
         from vsnbench.models.stack.policy import StackPolicy
 
         return name, partial(StackPolicy, stack_file(name))
+    if is_human(name) and name != HUMAN:
+        where, factory = locate(HUMAN)
+        return where, partial(factory, driver_of(name))
     where = class_of(name)
     if ":" not in where:
         raise unknown_name("model", name, known_models())

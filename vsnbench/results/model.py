@@ -21,6 +21,7 @@ from vsnbench.results.writing.lifecycle import RESULTS
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession, RecordedStop
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.goal import GoalKind
+from vsnbench.values.model.person import driver_of_model
 
 END_REASONS = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
 SOURCES = "`simulated`, `surveyed`, `measured`, `tape` or `estimated`"
@@ -53,6 +54,12 @@ class Episode:
     campaign: str = quantity("name of the campaign", read.CAMPAIGN_NAME)
     campaign_id: int = quantity("number of the campaign in this record", tables.TrialRow.campaign_id, column="campaign")
     model: str = quantity("name of the model; its code while a study is blinded", read.MODEL_NAME)
+    driver: str = quantity(
+        "name of the person who drove; empty for a model",
+        *(tables.ModelRow.name, tables.ModelRow.settings),
+        decode=driver_of_model,
+        hidden=True,
+    )
     disturbances: str = quantity(
         "disturbances, as for `--disturb`; empty without any", tables.CampaignRow.conditions, decode=text_of_conditions
     )
@@ -310,7 +317,7 @@ ROW = EPISODE.only(
     *("images_directory", "disturbances", "tags"),
 )
 """What the list of the results browser has of each episode; its scripts give each a place."""
-FACTS = EPISODE.only("goal_text")
+FACTS = EPISODE.only("driver", "goal_text")
 """Further lines of an episode's page in the results browser, each with its name, unless empty or unknown."""
 EPISODE_RECORD = fields_of(EpisodeRecord)
 PROVENANCE = fields_of(EpisodeProvenance)

@@ -44,7 +44,7 @@ def test_what_prints_no_result_is_a_verb_that_there_is() -> None:
 
 
 COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--help"}
-MAX_OPTIONS = 25
+MAX_OPTIONS = 26
 WIDTH = 78
 """Columns of a terminal, less the margin of a help text."""
 
@@ -63,7 +63,7 @@ def helps(command: Any) -> list[str]:
 
 RULES: dict[str, Callable[[Any], bool]] = {
     "can log more": lambda command: {"--verbose", "--log-file"} <= options(command),
-    "has at most 25 options of its own": lambda command: len(own_options(command)) <= MAX_OPTIONS,
+    "has at most 26 options of its own": lambda command: len(own_options(command)) <= MAX_OPTIONS,
     "has a help sentence for every option and argument": lambda command: all(
         text.endswith(".") and not text[0].islower() for text in helps(command)
     ),

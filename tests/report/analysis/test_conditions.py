@@ -69,6 +69,14 @@ def names(*facts: Mapping[str, Any]) -> list[str]:
             ["vlv depth_guard.enabled=True", "vlv depth_guard.enabled=False"],
         ),
         ([{}, {}], ["vlv #1", "vlv #2"]),
+        (
+            [{"model": "human", "settings": {"driver": name}} for name in ("ada", "bo")] + [{}],
+            ["human ada", "human bo", "vlv"],
+        ),
+        (
+            [{"model": "human", "settings": {"driver": "ada"}, "simulated": simulated} for simulated in (True, False)],
+            ["human ada simulated", "human ada real"],
+        ),
     ],
 )
 def test_a_name_says_as_little_as_tells_apart(facts: Sequence[Mapping[str, Any]], expected: list[str]) -> None:

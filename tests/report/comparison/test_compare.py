@@ -280,6 +280,13 @@ def test_an_upper_bound_is_called_one(lab: Lab) -> None:
     assert "oracle has access to the site file: an upper bound, not a competitor" in verdicts(comparison)[0]
 
 
+def test_a_person_is_called_a_reference(lab: Lab) -> None:
+    succeed(lab, "human", {(g, s) for g in GOALS for s in STARTS}, settings={"driver": "ada"})
+    succeed(lab, "b", set())
+    (comparison,) = comparisons(lab, "human ada", "b")
+    assert "human ada is a person: a reference, not a competitor" in verdicts(comparison)[0]
+
+
 def test_names_that_fit_nothing_or_several_are_explained(lab: Lab) -> None:
     succeed(lab, "a", set())
     succeed(lab, "a", set(), simulated=False)

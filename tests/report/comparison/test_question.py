@@ -64,6 +64,15 @@ def test_upper_bounds_and_small_samples_are_no_members(lab: Lab) -> None:
     assert not any("oracle" in each for each in question.not_compared)
 
 
+def test_a_person_is_shown_for_reference_and_is_no_member(lab: Lab) -> None:
+    succeed(lab, "a", 10)
+    succeed(lab, "b", 5)
+    succeed(lab, "human", 15, settings={"driver": "ada"})
+    (question,) = asked(lab)
+    assert [one.condition.name for one in question.members] == ["a", "b"]
+    assert not any("human" in text for text in (*question.answers, *question.not_compared))
+
+
 def test_models_in_other_circumstances_are_another_question(lab: Lab) -> None:
     for simulated in (True, False):
         succeed(lab, "a", 10, simulated=simulated)

@@ -32,6 +32,12 @@ def test_a_locked_study_with_too_few_positions_can_be_read() -> None:
     assert len(StudyPlace.of(study, Path(), "locked").schedule.trials) == 24
 
 
+def test_a_person_is_no_arm() -> None:
+    place = StudyPlace.of(small_study(arms={"us": {"model": "random"}, "ada": {"model": "human:ada"}}), Path())
+    with place.robot() as robot, pytest.raises(StudyError, match="arm ada: study: human:ada is a person"):
+        place.load("ada", robot)
+
+
 def test_progress_to_a_goal_that_the_map_has_no_path_to_is_refused(tmp_path: Path) -> None:
     content = load_site("apartment").model_dump(mode="json")
     for door in content["doors"]:

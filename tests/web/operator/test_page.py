@@ -2,6 +2,7 @@
 
 import queue
 import random
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,14 +11,16 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
+from tests.processes import wait_until
 from tests.web.page_session import PageSession, ended_episode
+from vsnbench.models.human.controls import Controls
 from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.runner.operator.contract import Judgement
 from vsnbench.runner.operator.prompts import Choice, QuestionKind
 from vsnbench.web.operator import app, clients
 from vsnbench.web.operator.clients import Clients
-from vsnbench.web.operator.page import qr_code
+from vsnbench.web_server.page_address import qr_code
 from vsnbench.web_server.session_key import Visitor
 
 
@@ -211,6 +214,18 @@ def test_the_picture_is_live_while_the_robot_drives(session: PageSession) -> Non
     assert brightness() == pytest.approx(200, abs=4)
     session.camera.clear()
     assert brightness() == pytest.approx(20, abs=4), "without a live image it is the last action's"
+
+
+def test_the_operator_sees_that_the_person_who_drives_has_not_begun(session: PageSession) -> None:
+    controls = Controls("ada")
+    controls.is_served = True
+    session.robots.controls = controls
+    anna = session.browser("Anna")
+    assert anna.ask("GET", "/state").json["waits_for"] == ""
+    threading.Thread(target=controls.offer_trial, args=("chair",), daemon=True).start()
+    wait_until(lambda: anna.ask("GET", "/state").json["waits_for"] == "ada", "the trial waits for its driver")
+    controls.take("phone")
+    assert anna.ask("GET", "/state").json["waits_for"] == ""
 
 
 def test_the_qr_code_contains_the_address() -> None:

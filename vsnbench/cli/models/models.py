@@ -186,12 +186,13 @@ def check(
     """
     from vsnbench.models.description import describe_model
     from vsnbench.models.fit.camera import camera_differences
-    from vsnbench.models.names import is_address, is_stack
+    from vsnbench.models.names import is_address, is_stack, require_no_person
     from vsnbench.models.registry import locate
     from vsnbench.protocol.named import load_protocol
     from vsnbench.robots.registry import profile_of
     from vsnbench.runner.setup.trial_setup import warn_of_assumptions
 
+    require_no_person(name, "models check")
     parameters, profile = load_protocol(protocol), profile_of(robot)
     if is_address(name):
         from vsnbench.models.remote.checking import check_server

@@ -73,6 +73,9 @@ def serve(  # noqa: PLR0913 - Typer needs a parameter per option
     if write_stub is not None:
         _write_stub(write_stub)
         return
+    from vsnbench.models.names import require_no_person
+
+    require_no_person(str(model), "models serve")
     from vsnbench.models.process_exit import process_exit_refused
     from vsnbench.models.registry import create_policy
     from vsnbench.models.remote.serving import served

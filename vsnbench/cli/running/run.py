@@ -1,5 +1,6 @@
 """`vsnbench run`: run the remaining trials of a campaign, or of several."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ from vsnbench.cli.support.options import (
     Rehearse,
     Results,
     Unattended,
+    driver_page,
     execution_option,
     fit_of,
     operator_page,
@@ -53,6 +55,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     unattended: Unattended = False,
     console: Console = None,
     workers: trial.Workers = "auto",
+    practice: Annotated[
+        int | None,
+        execution_option(
+            "--practice", min=1, max=1000, help="Run this many practice trials of a person, and record nothing."
+        ),
+    ] = None,
     fail_fast: Annotated[bool, execution_option("--fail-fast", help="Stop at the first void episode.")] = False,
     watch: Annotated[
         bool, execution_option("--watch", help="Repeat the run when the model's files change; results are discarded.")
@@ -91,19 +99,24 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench run --model oracle-waypoints --goal chair --continuous 0.3
         vsnbench run --model pirlnav --goal all --workers ray://head:10001
         vsnbench run --model vlv,random --seed 0-4 --site flat:0-9 --goal all
+        vsnbench run --model human:ada --goal chair
+        vsnbench run --model human:ada --goal chair --site flat:7 --practice 3
 
     Ctrl-C halts the robot and ends the current episode as aborted.
     The same command resumes with the remaining trials.
     Each model, site and seed is a campaign of its own; several make a sweep.
     """
-    models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
+    models = tuple(map(trial.with_driver, trial.models_of(model)))
+    seeds, sites = trial.seeds_of(seed), sites_of(site)
     if watch:
         from vsnbench.cli.support.watching import run_and_watch
 
         raise typer.Exit(run_and_watch(models, robot, workers, results, db, [weights, model_config]))
+    from vsnbench.models.names import is_human
     from vsnbench.runner.executors.process import early_fork_server, wants_workers
 
-    pooled = robot.partition(":")[0] == "simulated" and not (live or console is not None or rehearse)
+    single = live or console is not None or rehearse or any(map(is_human, models))
+    pooled = robot.partition(":")[0] == "simulated" and not single
     context.with_resource(early_fork_server(wanted=pooled and wants_workers(workers, all_starts=starts is None)))
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.protocol.disturbances import parse_disturbances
@@ -115,7 +128,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.runner.setup.trial_setup import TrialSetupSpec
 
     page, config, first_site = operator_page(console), load_config(), named_site(sites[0])
-    directory = results_directory(results, db)
+    driver = driver_page(models[0], page)
+    directory = results_directory(results, db) if practice is None else _discarded(context, models, results, db)
     setup = TrialSetupSpec(
         site=first_site,
         model=models[0],
@@ -144,15 +158,36 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         workers=requested_workers(workers),
         attended=page is not None,
         fail_fast=fail_fast,
+        practice=practice,
     )
     if len(models) * len(seeds) * len(sites) == 1:
-        provider, single = OperatorProvider(unattended, page.serve if page else None), request.at(sites[0], first_site)
-        run_and_exit(summary_console(), _run_and_report, single, provider, live=live, as_json=as_json)
-    if page is not None:
-        raise UsageError("--console is for one model, site and seed", advice="run each with its own command")
+        provider = OperatorProvider(unattended, page.serve if page else None, driver.serve if driver else None)
+        request = request.at(sites[0], first_site)
+        run_and_exit(summary_console(), _run_and_report, request, provider, live=live, as_json=as_json)
+    if page is not None or any(map(is_human, models)):
+        what = "--console" if page is not None else "--model human"
+        raise UsageError(f"{what} is for one model, site and seed", advice="run each with its own command")
     from vsnbench.cli.running.sweep_summary import run_sweep_and_report, sweep_console
 
     run_and_exit(sweep_console(), run_sweep_and_report, request, models, seeds, sites, live=live, as_json=as_json)
+
+
+def _discarded(
+    context: typer.Context, models: Sequence[str], results: Path | None, db: str | None
+) -> "ResultsDirectory":
+    """Return a results directory for practice trials, which is removed with the context.
+
+    Raises:
+        UsageError: a model would practise, or the results were to be kept.
+    """
+    from vsnbench.files.temporary import ScratchDirectory
+    from vsnbench.models.names import is_human
+
+    if not all(map(is_human, models)):
+        raise UsageError("--practice is for a person", advice="give --model human:NAME", code="practice-of-a-model")
+    if results is not None or db is not None:
+        raise UsageError("--practice records nothing", advice="leave out --results and --db, or --practice")
+    return results_directory(context.with_resource(ScratchDirectory("practice")).path / "results", None)
 
 
 def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":
@@ -178,12 +213,16 @@ def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live
     """
     from vsnbench.cli.running.summary import fields_of, print_summary, summary_console
     from vsnbench.runner.setup.launch import launch
+    from vsnbench.text.sanitize import counted
     from vsnbench.viewer.live import RerunEpisodes
 
     with without_prints_of_models(as_json=as_json), RerunEpisodes(live=live) as viewer:
         result = launch(request, provider, viewer)
         viewer.linger()
-    if not (as_json and is_quiet()):
+    if request.practice is not None:
+        done = result.trials - result.left
+        summary_console().print(f"{counted(done, 'practice trial')} done, nothing was recorded")
+    elif not (as_json and is_quiet()):
         print_summary(summary_console(), result, request)
     if as_json:
         print_json(fields_of(result, request))

@@ -96,6 +96,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     from vsnbench.cli.running.stress_summary import check_figure, run_stress
     from vsnbench.cli.running.summary import run_and_exit
     from vsnbench.cli.running.sweep_summary import sweep_console
+    from vsnbench.models.names import require_no_person
     from vsnbench.protocol.named import load_protocol
     from vsnbench.runner.setup.request import RunRequest
     from vsnbench.runner.setup.selection import choose_starts, named_site
@@ -118,6 +119,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     check_figure(figure)
     check_robot(robot)
     models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
+    for each in models:
+        require_no_person(each, "stress")
     config, first_site = load_config(), named_site(sites[0])
     setup = TrialSetupSpec(
         site=first_site,

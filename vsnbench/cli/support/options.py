@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.settings.user_config import UserConfig
+    from vsnbench.web.driver.page import DriverPage
     from vsnbench.web.operator.page import OperatorPage
 
 
@@ -146,6 +147,10 @@ def operator_page(console: str | None) -> "OperatorPage | None":
         return None
     if is_quiet():
         raise UsageError("--quiet hides the address of --console", advice="leave one of them out")
+    return _page_at(console)
+
+
+def _page_at(console: str) -> "OperatorPage":
     from vsnbench.web.operator.page import OperatorPage
 
     configured = load_config().console
@@ -158,6 +163,29 @@ def operator_page(console: str | None) -> "OperatorPage | None":
         )
     address = host.strip("[]") or configured.address
     return OperatorPage(address, port, configured.certificate, configured.key)
+
+
+def driver_page(model: str, operator: "OperatorPage | None") -> "DriverPage | None":
+    """Return the page of a person who drives: where the operator's page is, on the next port; None for a model.
+
+    Args:
+        model: value of `--model`.
+        operator: the page of `--console`; None for the configured address and port.
+
+    Raises:
+        UsageError: --quiet hides where the page is.
+    """
+    from vsnbench.models.names import is_human
+
+    if not is_human(model):
+        return None
+    if is_quiet():
+        raise UsageError(f"--quiet hides the address of the page of --model {model}", advice="leave --quiet out")
+    from vsnbench.web.driver.page import DriverPage
+
+    page = operator or _page_at("")
+    port = page.port + 1 if 0 < page.port < _LARGEST_PORT else 0
+    return DriverPage(page.address, port, page.certificate, page.private_key)
 
 
 def what_to_keep(given: str, robot: str, *, live: bool = False, has_operator: bool = False) -> "KeepFiles":

@@ -1,13 +1,18 @@
 """Options of the commands that run trials: which trials, with which model and robot, on how many workers."""
 
+import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from vsnbench.cli.support.lists import split_list, split_numbers
 from vsnbench.cli.support.options import configured_option, execution_option, options_under, record_option
-from vsnbench.config import BUILT_IN_SITE
+from vsnbench.config import BUILT_IN_SITE, VARIABLE_OF
 from vsnbench.errors import UsageError
+from vsnbench.values.model.person import HUMAN
 
 _LARGEST_SEED = 2**63 - 1
 
@@ -20,7 +25,8 @@ Model = Annotated[
         "--model",
         "-m",
         metavar="A,B",
-        help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class or ws://HOST:PORT.",
+        help="Models: random, forward, oracle, frontier, pirlnav, vlv, package.module:Class, ws://HOST:PORT, or "
+        "human:NAME for a person.",
     ),
 ]
 Goal = Annotated[
@@ -111,6 +117,14 @@ def models_of(values: Sequence[str]) -> tuple[str, ...]:
     if models := split_list(values):
         return models
     raise UsageError("no model given", advice="name one with --model, for example --model oracle")
+
+
+def with_driver(model: str) -> str:
+    """Return a model with the name of its driver, which is asked at the terminal if `human` has none."""
+    is_unnamed = model == HUMAN and not os.environ.get(VARIABLE_OF["operator"])
+    if not is_unnamed or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return model
+    return f"{HUMAN}:{typer.prompt('Name of the driver, which is recorded', err=True)}"
 
 
 def seeds_of(values: Sequence[str] | None) -> tuple[int, ...]:

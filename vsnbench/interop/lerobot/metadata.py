@@ -17,7 +17,7 @@ CHUNK_FILES: Final = 1000
 DATA_FILE_MB: Final = 100
 VIDEO_FILE_MB: Final = 200
 _RECORDED: Final = EPISODE.only(
-    *("id", "model", "robot", "simulated", "site", "goal", "start", "end_reason", "success", "counts")
+    *("id", "model", "driver", "robot", "simulated", "site", "goal", "start", "end_reason", "success", "counts")
 )
 _PLACE: Final = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 

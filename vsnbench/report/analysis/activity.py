@@ -9,8 +9,9 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.judge import MODEL_FAILURES, ROBOT_FAILURES, EndReason
-from vsnbench.report.analysis.conditions import Selection, read_conditions
+from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
+from vsnbench.report.analysis.reading import read_conditions
 from vsnbench.results.reading.read_model import COUNTS, RUNNING, UNJUDGED
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.placement_tables import Placement

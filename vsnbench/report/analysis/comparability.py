@@ -33,8 +33,8 @@ def shared_goals(
 ) -> dict[int, set[str]]:
     """Return, by condition number, the goals shared with the conditions it can be compared with.
 
-    Only competitors (enough completed trials, no access to the site) determine these goals, so that a trial run with
-    one goal does not reduce the set. With fewer than two competitors, all conditions without access to the site do.
+    Only competitors (models without the site file, enough completed trials) determine these goals, so that a trial run
+    with one goal does not reduce the set. With fewer than two competitors, all models without the site file do.
 
     Args:
         conditions: conditions of the report.
@@ -46,7 +46,7 @@ def shared_goals(
         groups.setdefault(circumstances(member), []).append(member)
     shared: dict[int, set[str]] = {}
     for group in groups.values():
-        able = [condition for condition in group if not condition.surveyed]
+        able = [condition for condition in group if not condition.not_competing]
         competitors = [condition for condition in able if not shortcoming(*done[condition.number])]
         goals = [asked[condition.number] for condition in (competitors if len(competitors) > 1 else able)]
         common = set.intersection(*goals) if goals else set()

@@ -5,17 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from sqlalchemy import Connection, or_, select
-
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
 from vsnbench.protocol.execution import STACK, STOP_AND_GO, execution_of, text_of_execution
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
-from vsnbench.results.reading.read_model import CODE, MODEL_NAME
-from vsnbench.results.schema.engine import to_json
-from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
-from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.values.action import ActionKind
-from vsnbench.values.robot_identity import IMPORTED, REHEARSAL_KEY
+from vsnbench.values.model.person import driver_of_model
+from vsnbench.values.robot_identity import REHEARSAL_KEY
 
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m", "execution")
 """Parameters of the protocol with a facet of their own."""
@@ -93,6 +88,23 @@ class Condition:
         return text_of_conditions(self.conditions)
 
     @property
+    def driver(self) -> str:
+        """Name of the person who drove; empty for a model."""
+        return driver_of_model(self.model, self.settings)
+
+    @property
+    def label(self) -> str:
+        """The model, with the name of the driver for a person."""
+        return f"{self.model} {self.driver}" if self.driver else self.model
+
+    @property
+    def not_competing(self) -> str:
+        """Why it is shown for reference, and neither ranked nor compared with the models; empty for a competitor."""
+        if self.driver:
+            return "a person: a reference, not a competitor"
+        return "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else ""
+
+    @property
     def action_kinds(self) -> tuple[str, ...]:
         """Kinds of the model's answers. Numbers of actions of different kinds are not comparable."""
         kinds = self.settings.get("action_kinds")
@@ -134,7 +146,7 @@ class Condition:
     def description(self) -> str:
         """Footnote to the name: robot, site, protocol and differing settings."""
         weights = f" ({self.weights_sha256[:8]})" if self.weights_sha256 else ""
-        label = "" if self.execution == STACK else "weights: "
+        label = "" if self.execution == STACK or self.driver else "weights: "
         parts = [
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
@@ -150,7 +162,7 @@ class Condition:
             f"{label}{self.weights_label}{weights}" if self.weights_label else "",
             f"campaign {', '.join(map(str, self.campaigns))}" if self.name.endswith(f"#{self.number}") else "",
             ", ".join(self.differing),
-            "the model has access to the site file: an upper bound, not a competitor" if self.surveyed else "",
+            self.not_competing,
         ]
         return "; ".join(part for part in parts if part) + "."
 
@@ -158,84 +170,6 @@ class Condition:
 def footnotes(conditions: Sequence[Condition]) -> tuple[str, ...]:
     """Return one footnote per condition that explains its name."""
     return tuple(f"{condition.name}: {condition.description}" for condition in conditions)
-
-
-def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Condition, ...], dict[int, int]]:
-    """Return the conditions, and the condition number of each campaign id."""
-    rows = connection.execute(
-        select(CampaignRow.id, CampaignRow.protocol, CampaignRow.protocol_sha256)
-        .add_columns(CampaignRow.conditions, CampaignRow.seed)
-        .add_columns(ModelRow.id.label("model_id"), MODEL_NAME.label("model"))
-        .add_columns(ModelRow.weights_label, ModelRow.weights_sha256, ModelRow.surveyed, ModelRow.settings)
-        .add_columns(ModelRow.code.label("source"), CODE.label("code"), RobotRow.id.label("robot_id"))
-        .add_columns(RobotRow.name.label("robot"), RobotRow.title, RobotRow.kind, RobotRow.simulated)
-        .add_columns(RobotRow.profile["base"]["max_linear_m_s"].as_float().label("max_linear_m_s"))
-        .add_columns(SiteRow.name.label("site"), SiteRow.sha256.label("site_sha256"))
-        .join(ModelRow, ModelRow.id == CampaignRow.model_id)
-        .join(RobotRow, RobotRow.id == CampaignRow.robot_id)
-        .join(SiteRow, SiteRow.id == CampaignRow.site_id)
-        .where(*_campaign_filter(chosen))
-        .order_by(CampaignRow.id)
-    ).all()
-    groups: dict[tuple[object, ...], list[Any]] = {}
-    for row in rows:
-        # Arms of a blinded study are never pooled, because the other campaign would reveal the model.
-        model = row.code or row.model_id
-        key = (model, row.robot_id, row.site_sha256, row.protocol_sha256, to_json(row.conditions, in_order=True))
-        groups.setdefault(key, []).append(row)
-    conditions = []
-    condition_of: dict[int, int] = {}
-    for number, members in enumerate(groups.values(), start=1):
-        first = members[0]
-        condition_of |= {row.id: number for row in members}
-        conditions.append(
-            Condition(
-                number=number,
-                model=first.model,
-                weights_label="" if first.code else first.weights_label,
-                weights_sha256="" if first.code else first.weights_sha256,
-                surveyed=first.surveyed and not first.code,
-                robot=first.robot,
-                robot_title=first.title,
-                kind=first.kind,
-                simulated=first.simulated,
-                site=first.site,
-                site_sha256=first.site_sha256,
-                campaigns=tuple(row.id for row in members),
-                seeds=tuple(row.seed for row in members),
-                protocol=_in_order(first.protocol),
-                settings={} if first.code else _in_order(first.settings),
-                source={} if first.code else _in_order(first.source),
-                conditions=_in_order(first.conditions),
-                max_linear_m_s=first.max_linear_m_s or None,
-                blind=bool(first.code),
-            )
-        )
-    return name_apart(conditions), condition_of
-
-
-def _in_order(settings: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Return settings sorted by name, because PostgreSQL orders JSON keys differently."""
-    return {
-        name: _in_order(value) if isinstance(value, Mapping) else value
-        for name, value in sorted((settings or {}).items())
-    }
-
-
-def _campaign_filter(chosen: Selection) -> list[Any]:
-    valid = select(EpisodeRow.id).join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
-    valid = valid.where(TrialRow.campaign_id == CampaignRow.id, EpisodeRow.state != EpisodeState.VOID.value)
-    # An import with only void episodes was withdrawn.
-    wanted: list[Any] = [or_(RobotRow.kind != IMPORTED, valid.correlate(CampaignRow).exists())]
-    if chosen.models:
-        wanted.append(MODEL_NAME.in_(chosen.models))
-    if chosen.sites:
-        wanted.append(SiteRow.name.in_(chosen.sites))
-    if chosen.robots:
-        wanted.append(RobotRow.name.in_(chosen.robots))
-    if chosen.campaigns:
-        wanted.append(CampaignRow.id.in_(chosen.campaigns))
-    return wanted
 
 
 def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
@@ -246,8 +180,8 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     """
     names, differing = dict[int, str](), dict[int, tuple[str, ...]]()
     all_facets = [dict(_facets(condition)) for condition in conditions]
-    for model in dict.fromkeys(condition.model for condition in conditions):
-        places = [place for place, condition in enumerate(conditions) if condition.model == model]
+    for model in dict.fromkeys(condition.label for condition in conditions):
+        places = [place for place, condition in enumerate(conditions) if condition.label == model]
         facets = [all_facets[place] for place in places]
         # A hash of the code appears only in the footnote.
         readable = [{facet: text for facet, text in own.items() if facet != "model code"} for own in facets]
@@ -267,7 +201,7 @@ def name_apart(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
     taken = list(names.values())
     for place, member in enumerate(conditions):
         clashes = taken.count(names[place]) > 1
-        bare = names[place] == member.model and [other.model for other in conditions].count(member.model) > 1
+        bare = names[place] == member.label and [other.label for other in conditions].count(member.label) > 1
         if clashes or bare:
             names[place] = f"{names[place]} #{member.number}"
     return tuple(

@@ -18,8 +18,9 @@ from sqlalchemy import Connection, Engine, Select, func, select, type_coerce
 from sqlalchemy.types import NullType
 
 from vsnbench.protocol.execution import STACK
-from vsnbench.report.analysis.conditions import Condition, Selection, read_conditions
+from vsnbench.report.analysis.conditions import Condition, Selection
 from vsnbench.report.analysis.efficiency import add_times, progress_of, soft_spl_of, spl_of
+from vsnbench.report.analysis.reading import read_conditions
 from vsnbench.results.fields import Field, Fields
 from vsnbench.results.goals import RecordedGoal, ambiguous_names, definitions, site_contents
 from vsnbench.results.model import EPISODE, TABLE

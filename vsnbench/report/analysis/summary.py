@@ -132,8 +132,8 @@ class ConditionSummary:
 
     @property
     def is_competitor(self) -> bool:
-        """Whether the condition can be compared: no access to the site file, and enough completed trials."""
-        return not self.condition.surveyed and not self.shortcoming
+        """Whether the condition can be compared: a model without the site file, and enough completed trials."""
+        return not self.condition.not_competing and not self.shortcoming
 
     @property
     def never_succeeding(self) -> tuple[int, ...]:

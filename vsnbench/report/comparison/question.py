@@ -51,7 +51,7 @@ def questions(record: ReportData, results: ReportResults) -> tuple[ModelQuestion
     """
     groups: dict[str, list[ConditionSummary]] = {}
     for summary in results.conditions:
-        if not summary.condition.surveyed:
+        if not summary.condition.not_competing:
             groups.setdefault(circumstances(summary.condition), []).append(summary)
     found = []
     for group in groups.values():

@@ -72,8 +72,10 @@ def _caveats(comparison: Comparison, rate: RateComparison) -> str:
                     f"Left out: {left} episodes of {sanitize(condition.name)} in cells without episodes of the other."
                 )
     caveats += [
-        f"{sanitize(condition.name)} has access to the site file: an upper bound, not a competitor."
+        f"{sanitize(condition.name)} is a person: a reference, not a competitor."
+        if condition.driver
+        else f"{sanitize(condition.name)} has access to the site file: an upper bound, not a competitor."
         for condition in (comparison.first, comparison.second)
-        if condition.surveyed
+        if condition.not_competing
     ]
     return "".join(f" {caveat}" for caveat in caveats)

@@ -75,7 +75,7 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
                 xerr=[below, above],
                 fmt=marker,
                 color=color,
-                markerfacecolor="white" if hollow or condition_summary.condition.surveyed else color,
+                markerfacecolor="white" if hollow or condition_summary.condition.not_competing else color,
                 markersize=4,
                 linewidth=0.9,
                 capsize=1.8,
@@ -95,10 +95,11 @@ def _drawing(ours: Sequence[ConditionSummary], paper: Sequence[ConditionSummary]
         axes.set_xlabel("success rate (%), 95 % interval")
         light_grid(axes, "x")
         legend_below(figure, marks, labels)
+    people = "a person, " if any(summary.condition.driver for summary in series) else ""
     caption = (
         "Success rate by goal with 95 % intervals (Wilson's at the effective sample size, clustered by starting "
         f"position); in brackets the successes of the counted episodes, over {whole.description}. "
-        "Hollow marks are not competitors: an upper bound with access to the site file, or the paper's value."
+        f"Hollow marks are not competitors: an upper bound with access to the site file, {people}or the paper's value."
     )
     if any(summary.condition.published for summary in series):
         caption += f" {PAPER_INTERVALS}"

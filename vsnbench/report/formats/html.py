@@ -109,14 +109,16 @@ def html_page(
 
 
 def _card_groups(conditions: Sequence[ConditionSummary]) -> list[_Values]:
-    """Separate the competitors, the upper bounds and the conditions with too few trials."""
+    """Separate the competitors, the upper bounds, the people and the conditions with too few trials."""
     peers = [summary for summary in conditions if summary.is_competitor]
     bounds = [summary for summary in conditions if summary.condition.surveyed]
-    few = [summary for summary in conditions if summary not in peers and summary not in bounds]
+    people = [summary for summary in conditions if summary.condition.driver]
+    few = [summary for summary in conditions if summary not in [*peers, *bounds, *people]]
     groups = (
         ("peers", f"Success rate over {headlines(peers).description}, 95 % interval", peers),
         ("few", "Too few trials to compare", few),
         ("bounds", "Upper bounds: models with access to the site file", bounds),
+        ("bounds people", "People: a reference, not competitors", people),
     )
     return [
         {"kind": kind, "heading": heading, "cards": _cards(members, conditions)}

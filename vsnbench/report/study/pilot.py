@@ -65,7 +65,7 @@ def pilot_pairs(record: ReportData, study: StudyFile, site_sha256: str, starts: 
         site_sha256: hash of the study's site.
         starts: number of starting positions of the study.
     """
-    here = [c for c in record.conditions if c.site_sha256 == site_sha256 and not c.surveyed and not c.published]
+    here = [c for c in record.conditions if c.site_sha256 == site_sha256 and not c.not_competing and not c.published]
     arms = {arm.model for arm in study.arms.values()}
     found = []
     for first, second in combinations(here, 2):

@@ -205,7 +205,8 @@ def overview_table(results: ReportResults) -> ReportTable:
         known = {group.goal: group for group in summary.goals}
         cells = [percent(known[goal].success_rate, 0) if goal in known else EMPTY for goal in goals]
         rate = (percent(total.success_rate, 1), interval_percent(total.interval, 1), total.episodes)
-        rows.append(row(summary.condition.name, *cells, *rate))
+        name = summary.condition.name
+        rows.append(row(f"{name} (person)" if summary.condition.driver else name, *cells, *rate))
     return ReportTable(
         name="overview",
         title="Success rate by goal, percent",

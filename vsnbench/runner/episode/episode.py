@@ -170,6 +170,8 @@ def run_episode(
     finally:
         stop.at_once = None
         robot.halt()
+        if plan.parameters.execution is None:  # while the robot drives on, the model learns it before the base rests
+            calls.end()
     if stepper is not None and (cut := stepper.interrupted) is not None:
         recorder.step(cut)
         spent = cut.spent

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Self
 
 from vsnbench.errors import UsageError
-from vsnbench.models.names import is_address
+from vsnbench.models.names import is_address, is_human
 from vsnbench.robots.registry import is_simulated
 from vsnbench.runner.executors.messages import Prepared
 from vsnbench.runner.executors.ray_connection import ClusterAddress
@@ -174,6 +174,8 @@ def worker_request(
         single = "--rehearse has one robot, which the operator places"
     elif live:
         single = "--live shows one episode at a time"
+    elif is_human(spec.model):
+        single = "a person drives one robot at a time"
     elif attended:
         single = "--console has an operator at one robot"
     elif is_served and options.cluster:

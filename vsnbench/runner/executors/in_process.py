@@ -63,6 +63,7 @@ class InProcessExecutor(TrialExecutor):
         model = DrivingModel(setup.policy, setup.description.title)
         executor = cls(setup.robot, lambda _trial: model)
         executor.description, executor.provenance = setup.description, setup.provenance
+        executor.controls = setup.controls
         return executor
 
     @property

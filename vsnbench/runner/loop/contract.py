@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
+from vsnbench.models.human.controls import Controls
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.writing.campaigns import Trial
@@ -62,6 +63,8 @@ class TrialExecutor(ABC):
     """Robot and model of every trial; a study has none, because each arm has its own."""
     needs_operator: bool = False
     """A person must place the robot."""
+    controls: Controls | None = None
+    """Those of the person who drives; None for a model."""
     preview: CameraPreview | None = None
     """Camera image while the robot drives; None for several robots, and for a robot without it."""
     provenance: Callable[[], Provenance] = staticmethod(partial(gather_provenance, of_run=True))

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 
-from vsnbench.errors import RecordError
+from vsnbench.errors import RecordError, UsageError
+from vsnbench.models.human.controls import Controls
 from vsnbench.runner.loop.contract import Session
 from vsnbench.runner.operator.contract import NO_TRIALS, AbsentOperator, Operator, TrialCounts
 from vsnbench.runner.operator.progress import ProgressDisplay
@@ -22,6 +23,10 @@ ServePage = Callable[[OperatorPrompts, Session], AbstractContextManager[str]]
 the terminal shows."""
 
 
+ServeDriver = Callable[[Controls], AbstractContextManager[str]]
+"""Serves the controls to the person who drives, in the same way."""
+
+
 @dataclass(frozen=True, slots=True)
 class OperatorProvider:
     """Provides the person at this terminal, or a stand-in where the robot needs none or the run is unattended."""
@@ -29,6 +34,8 @@ class OperatorProvider:
     unattended: bool = False
     serve_page: ServePage | None = None
     """Serves the prompts to browsers as well."""
+    serve_driver: ServeDriver | None = None
+    """Serves the controls of a person who drives; None where nobody can."""
     label: str = ""
     """Place of the campaign in a sweep, for the display; empty outside of one."""
     before: int = 0
@@ -45,6 +52,19 @@ class OperatorProvider:
         if not self.unattended and self.serve_page is None:
             require_terminal(profile)
 
+    def require_page(self, controls: Controls) -> None:
+        """Check that the person who drives has a page, before anything is written.
+
+        Raises:
+            UsageError: it has none.
+        """
+        if self.serve_driver is None:
+            raise UsageError(
+                f"{controls.driver} drives on a page, which this command does not serve",
+                advice=f"vsnbench run --model human:{controls.driver} --goal chair",
+                code="no-driver-page",
+            )
+
     def is_present(self, *, needed: bool) -> bool:
         """Return whether a person is there; `needed` says whether the robot needs one."""
         return self.serve_page is not None or (needed and not self.unattended)
@@ -55,6 +75,8 @@ class OperatorProvider:
         robots, stop_requests = session.robots, session.stop_requests
         with ExitStack() as stack:
             progress = stack.enter_context(self._display(session))
+            if self.serve_driver is not None and robots.controls is not None:
+                progress.console.print(stack.enter_context(self.serve_driver(robots.controls)), soft_wrap=True)
             if not self.is_present(needed=robots.needs_operator):
                 yield AbsentOperator(progress)
                 return

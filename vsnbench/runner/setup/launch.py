@@ -1,8 +1,9 @@
 """Runs a campaign from a request. Everything is checked before a robot moves or anything is written."""
 
 import logging
+import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from vsnbench.results.files.directory import TEMPORARY_RESULTS, KeepFiles
 from vsnbench.results.files.episode_entries import EpisodeViewer
 from vsnbench.results.schema.migrate import get_ready
 from vsnbench.results.studies.queries import study_that_claims
-from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign
+from vsnbench.results.writing.campaigns import CampaignPlan, OpenCampaign, Trial
 from vsnbench.results.writing.journal import Journal
 from vsnbench.runner.disturbances.fit import check_before_opening, warn_of_unused
 from vsnbench.runner.episode.recorder import RecordingOptions
@@ -63,7 +64,8 @@ def launch(
     spec = replace(spec, parameters=rules_for(spec.model, spec.parameters))
     request = replace(request, setup=spec)
     check_before_opening(spec.disturbances, spec.robot, rehearsal=spec.rehearsal)
-    note = "" if os.environ.get(TEMPORARY_RESULTS) else results.new_record_note
+    is_kept = request.practice is None and not os.environ.get(TEMPORARY_RESULTS)
+    note = results.new_record_note if is_kept else ""
     surveyed = is_surveyed(request.site)
     if surveyed:
         _check_findings(request.site, layout_findings(spec.site))
@@ -80,6 +82,9 @@ def launch(
         plan = _checked_plan(request, robots.description)
         if surveyed:
             check_survey(request.site, spec.site, robots.robot.profile.base.radius_m, spec.parameters)
+        if robots.controls is not None:
+            operators.require_page(robots.controls)
+            robots.controls.practice = request.practice is not None
         if robots.needs_operator:
             operators.require(robots.robot.profile)
         if not operators.is_present(needed=robots.needs_operator):
@@ -133,9 +138,23 @@ def _checked_plan(request: RunRequest, description: SetupDescription) -> Campaig
         model=description.card,
         protocol=spec.parameters,
         seed=request.seed,
-        trials=plan_trials(description.goals, request.start_numbers, request.repetitions, spec.site.excluded),
+        trials=_trials(request, description.goals),
         conditions=description.conditions,
     )
+
+
+def _trials(request: RunRequest, goals: Sequence[str]) -> tuple[Trial, ...]:
+    """Return the trials of a campaign; of practice only the first, repeated if there are fewer.
+
+    Raises:
+        UsageError: no trial is left.
+    """
+    starts, excluded = request.start_numbers, request.setup.site.excluded
+    trials = plan_trials(goals, starts, request.repetitions, excluded)
+    if request.practice is None:
+        return trials
+    rounds = math.ceil(request.practice / len(trials))
+    return plan_trials(goals, starts, request.repetitions * rounds, excluded)[: request.practice]
 
 
 def _open_campaign(journal: Journal, plan: CampaignPlan) -> OpenCampaign:

@@ -48,6 +48,8 @@ class RunRequest:
     """An operator is present, even if the robot is simulated; trials run one at a time."""
     fail_fast: bool = False
     """The first void episode ends the session."""
+    practice: int | None = None
+    """Number of practice trials of a person, instead of all trials; None for trials that count."""
 
     @property
     def label(self) -> str:

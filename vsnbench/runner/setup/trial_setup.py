@@ -17,6 +17,8 @@ from vsnbench.errors import ExitCode, UsageError
 from vsnbench.models.checkpoints.torch_runtime import DEVICES
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.fit.camera import CroppedPolicy, Fit, crop_condition, crop_for, difference_text
+from vsnbench.models.human.controls import Controls
+from vsnbench.models.human.policy import Human
 from vsnbench.models.identity import code_of, files_handed_over
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.names import is_stack, is_third_party
@@ -154,6 +156,8 @@ class TrialSetup:
     robot: Robot
     policy: Policy
     description: SetupDescription
+    controls: Controls | None = None
+    """Those of the person who drives; None for a model."""
 
     def provenance(self, command: str | None = None) -> Provenance:
         """Describe this process and the device that the model uses; a worker gives the driver's command line."""
@@ -202,7 +206,7 @@ def load_policy(spec: TrialSetupSpec) -> LoadedPolicy:
     policy = create_policy(spec.model, spec.isolation, **spec.options)
     if is_stack(spec.model):
         return LoadedPolicy(policy, remote=True)
-    if not isinstance(policy, RemotePolicy):
+    if not isinstance(policy, RemotePolicy | Human):
         return LoadedPolicy(policy, spec.act_timeout_s)
     if spec.act_timeout_s is not None:
         policy.limit_actions(spec.act_timeout_s)
@@ -247,7 +251,8 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     check_execution(spec.parameters, spec.disturbances, robot, description.card)
     if isinstance(model, StackPolicy):
         model.join(robot.exchange)
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description)
+    controls = model.controls if isinstance(model, Human) else None
+    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, controls)
 
 
 def close_policy(policy: Policy) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vsnbench.errors import StudyError, UsageError
-from vsnbench.models.names import STACK_PREFIX, is_stack, stack_file
+from vsnbench.models.names import STACK_PREFIX, is_stack, require_no_person, stack_file
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -139,6 +139,10 @@ class StudyPlace:
             VsnbenchError: the model cannot be loaded.
         """
         chosen = self.study.arms[arm]
+        try:
+            require_no_person(chosen.model, "study")
+        except UsageError as error:
+            raise StudyError(f"arm {arm}: {error}") from error
         spec = TrialSetupSpec(
             site=self.site,
             model=self.model(arm),

@@ -3,6 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from vsnbench.models.human.controls import Phase
 from vsnbench.protocol.judge import GoalDistance
 from vsnbench.protocol.stop_pose import range_text
 from vsnbench.runner.judging.case import Case
@@ -20,7 +21,7 @@ MAX_STEPS: Final = 400
 
 def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
     """Return the state, which is the same for every client."""
-    state, question = prompts.state, prompts.question
+    state, question, controls = prompts.state, prompts.question, session.robots.controls
     now = datetime.now(UTC)
     ended = state.ended
     is_judging = question is not None and question.kind is QuestionKind.JUDGE
@@ -38,6 +39,7 @@ def session_json(prompts: OperatorPrompts, session: Session) -> dict[str, Any]:
         "trial": _trial_json(state.upcoming) if state.upcoming else None,
         "placing": _placing_json(state),
         "driving": prompts.driving,
+        "waits_for": "" if controls is None or controls.view.phase is not Phase.READY else controls.driver,
         "elapsed_s": (now - state.began_at).total_seconds() if state.began_at else None,
         "actions": len(state.steps),
         "time_s": round(state.spent.time_s, 1),

@@ -66,7 +66,7 @@ function render() {
   if (plan) at("plan-caption").textContent = drawState(plan, state);
   else if (planFailed) at("plan-caption").textContent = "The floor plan cannot be shown. Find the mark by its number and its position above.";
   show("driving", isSignedIn && driving);
-  at("driving-actions").textContent = trial ? budgetText(trial) : "";
+  at("driving-actions").textContent = state.waits_for ? `${state.waits_for} has not begun to drive yet.` : trial ? budgetText(trial) : "";
   at("driving-steps").textContent = state.steps.map(([name, isBlocked]) => (isBlocked ? "⊘" : ARROWS[name] ?? "·")).join("");
   at("driving-steps").scrollTop = 1e6;
   show("where", state.can_measure);
