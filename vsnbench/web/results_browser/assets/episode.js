@@ -50,10 +50,11 @@ class Player {
     const notes = [step.stale && "not driven: the robot keeps the path before it", step.blocked && "blocked by the depth guard", step.refusal, step.touched && `collision: ${step.touched}`, step.failure]
       .filter(Boolean);
     const raw = step.raw_action && step.raw_action !== step.action ? ` (${step.raw_action})` : "";
-    this.action.replaceChildren(make("strong", {}, `${step.action.replaceAll("_", " ").toLowerCase()}${raw}`),
+    const byStack = this.episode.execution === "stack"; // which is watched, and answers nothing but STOP
+    this.action.replaceChildren(byStack && step.action !== "STOP" ? "" : make("strong", {}, `${step.action.replaceAll("_", " ").toLowerCase()}${raw}`),
       ...notes.map((text) => make("span", { class: "warn" }, ` ${text}`)),
-      step.infer_s === null ? "" : make("span", { class: "dim small" }, ` decided in ${(step.infer_s * 1000).toFixed(0)} ms`),
-      step.age_s === null || step.stale ? "" : make("span", { class: "dim small" }, `, took effect ${step.age_s.toFixed(2)} s after its image`),
+      byStack || step.infer_s === null ? "" : make("span", { class: "dim small" }, ` decided in ${(step.infer_s * 1000).toFixed(0)} ms`),
+      byStack || step.age_s === null || step.stale ? "" : make("span", { class: "dim small" }, `, took effect ${step.age_s.toFixed(2)} s after its image`),
       moment.sent?.length ? make("span", { class: "small" }, ` commanded ${velocityText(moment.sent)}`) : "",
       this.inTime && seen && !moment.isEnd && this.episode.execution === "continuous"
         ? make("span", { class: "small" }, ` · this is the image of answer ${seen.number}`) : "");

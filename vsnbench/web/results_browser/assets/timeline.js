@@ -33,7 +33,7 @@ function momentsInTime({ steps, path }) {
   const shown = steps.flatMap((step, k) => [{ time: step.time_s, seen: k, image: imageOf(step), pose: step.pose },
     ...step.film.map(([time, x, y, heading, ...sent], i) => ({ time, seen: -1, image: `${step.number}-${i + 1}`, pose: [x, y, heading], sent }))]);
   shown.sort((a, b) => a.time - b.time);
-  shown.push({ ...shown.at(-1), time: Math.max(steps.at(-1).until_s, shown.at(-1).time), seen: -1, pose: path.at(-1), isEnd: true });
+  shown.push({ ...shown.at(-1), time: Math.max(steps.at(-1).until_s, shown.at(-1).time), seen: -1, sent: [], pose: path.at(-1), isEnd: true });
   const moments = shown.map((moment) => ({ ...moment, at: moment.time - first,
     driven: effects.findLastIndex((effect) => effect <= moment.time), poses: known.filter(([time]) => time <= moment.time).length }));
   return { moments, track: known.map(([, pose]) => pose) };
