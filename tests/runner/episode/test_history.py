@@ -15,6 +15,7 @@ from tests.runner.episode.test_continuous import LANE, TURTLEBOT, Record
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.models.remote.vsnbench_policy import WireError
 from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.parameters import ProtocolParameters
@@ -209,6 +210,13 @@ def test_a_received_history_has_the_camera_of_its_observation() -> None:
     assert [len(received.history), received.history[0].history] == [2, ()]
     assert np.array_equal(received.history[1].rgb, received.rgb)
     assert received.history[0].camera.width == received.camera.width
+
+
+def test_a_policy_that_vsnbench_serves_has_the_history_with_the_sensors_on_its_card() -> None:
+    policy = Scripted([turns()])
+    answer = ServedPolicy(policy).act(_received(lambda message: None))
+    assert answer["parts"] == ["TURN_LEFT"] * TURNS
+    assert [view.sensors for view in policy.seen[0].history] == [SENSORS] * 2
 
 
 @pytest.mark.parametrize(
