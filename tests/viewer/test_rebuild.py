@@ -15,6 +15,7 @@ from rerun.chunk import RrdReader
 from sqlalchemy import update
 
 from tests.viewer.synthetic_episode import UUID, entries, header, record
+from tests.web.results_browser.filmed_record import CAPTURES_S, FILM_S, make_filmed_record, pose_at
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.interop.habitat import HabitatEpisode
 from vsnbench.interop.importing import import_habitat, unsurveyed_site
@@ -61,6 +62,23 @@ def content(path: Path) -> dict[tuple[str, str], list[object]]:
             if name not in ("step", "robot_time", "log_time", "log_tick") and not name.endswith("RowId"):
                 found[chunk.entity_path, name] += zip(*times, values, strict=True)
     return {key: sorted(rows, key=str) for key, rows in found.items()}  # the order of chunks depends on timing
+
+
+def test_images_of_a_film_are_on_the_robots_clock_with_the_robots_pose(tmp_path: Path) -> None:
+    make_filmed_record(tmp_path)
+    found = content(current_recording(ResultsDirectory.locate(tmp_path, environment={}), 1))
+    times_s = sorted({*CAPTURES_S, *(time_s for times in FILM_S for time_s in times)})
+    origins = {
+        round(time.total_seconds(), 3): origin[0]
+        for _, time, (origin, *_) in found["/plan/robot/heading", "Arrows2D:origins"]
+        if time is not None
+    }
+    assert sorted({round(time.total_seconds(), 3) for _, time, _ in found["/camera/rgb", "EncodedImage:blob"]}) == [
+        round(time_s - times_s[0], 3) for time_s in times_s
+    ]
+    assert [origins[round(time_s - times_s[0], 3)] for time_s in times_s] == pytest.approx(
+        [pose_at(time_s).x_m for time_s in times_s], abs=1e-6
+    )
 
 
 def test_a_rebuilt_file_equals_the_live_recording(results: ResultsDirectory, tmp_path: Path) -> None:

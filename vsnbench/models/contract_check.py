@@ -24,7 +24,7 @@ from vsnbench.text.sanitize import error_line, sanitize
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.observation import Budget, InstanceImage, Observation, shown_to_policy
+from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, shown_to_policy
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -125,9 +125,15 @@ def card_summary(policy: Policy) -> str:
 def synthetic_observation(
     policy: Policy, number: int, width: int = 640, height: int = 480, *, blind: bool = False
 ) -> Observation:
-    """Return a synthetic observation as the policy receives it: noise, the same for the same number."""
+    """Return a synthetic observation as the policy receives it: noise, the same for the same number.
+
+    After the first one it has a history of two observations for a policy whose card asks for that.
+    """
     left = Budget(ProtocolParameters().max_actions - number)
-    return shown_to_policy(_everything(number, width, height, blind=blind), policy.card.sensors, left)
+    newest = _everything(number, width, height, blind=blind)
+    earlier = [replace(newest, stamp_s=number - ago) for ago in (0.5, 0.25)] if number else []
+    given = replace(newest, history=newest_of(earlier, newest, policy.card.history))
+    return shown_to_policy(given, policy.card.sensors, left)
 
 
 def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) -> Task:

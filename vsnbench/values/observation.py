@@ -1,6 +1,6 @@
 """Observation of a robot, and the part of it that a policy gets: the sensors on its card."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
@@ -14,6 +14,13 @@ from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+MAX_HISTORY: Final = 50
+"""Most observations in the history of another one: as many as a chunk has parts."""
+MAX_PIXEL_BYTES: Final = 56 * 2**20
+"""Most bytes of images that an observation has together with those of its history, which fit into one message of the
+wire."""
 
 
 class Sensor(StrEnum):
@@ -78,6 +85,9 @@ class Observation:
     """Digest of the newest raw depth image if `depth_m` is filtered from several; None if `depth_m` is raw."""
     budget: Budget | None = None
     """What the protocol leaves the episode; only in what a policy receives."""
+    history: "tuple[Observation, ...]" = ()
+    """Observations since the last call of `act`, oldest first, without this one: after each part of a chunk but its
+    last, and of the film of a robot that drives on. Only for a policy whose card asks for it."""
 
     def __post_init__(self) -> None:
         rgb, depth_m = getattr(self, "rgb", None), getattr(self, "depth_m", None)
@@ -143,6 +153,8 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor], budget
         "depth_stamp_s": observation.depth_stamp_s if Sensor.DEPTH in sensors else None,
         "budget": budget,
     }
+    if observation.history:
+        measured["history"] = tuple(shown_to_policy(earlier, sensors) for earlier in observation.history)
     if Sensor.RGB in sensors:
         measured["rgb"] = _private(observation.rgb)
     if Sensor.DEPTH in sensors and observation.depth_m is not None:
@@ -173,7 +185,14 @@ def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observati
     """
     made = object.__new__(Observation)
     absent = dict.fromkeys(("depth_stamp_s", "beyond_range", "depth_frame_digest", "budget"))
-    for name, value in {**absent, "sensing": {}, "stamp_s": stamp_s, "camera": camera, **measured}.items():
+    for name, value in {
+        **absent,
+        "sensing": {},
+        "history": (),
+        "stamp_s": stamp_s,
+        "camera": camera,
+        **measured,
+    }.items():
         object.__setattr__(made, name, value)
     made.__post_init__()
     return made
@@ -186,6 +205,29 @@ def with_changes(observation: Observation, **changes: Any) -> Observation:
         ValueError: an array has the wrong shape or type.
     """
     return observation_of(**{**observation.__getstate__(), **changes})
+
+
+def newest_of(history: Sequence[Observation], observation: Observation, most: int) -> tuple[Observation, ...]:
+    """Return the newest observations of a history that an observation may have; the oldest are dropped.
+
+    Args:
+        history: earlier observations, oldest first.
+        observation: the observation that gets them.
+        most: number that its model asks for.
+    """
+    kept: list[Observation] = []
+    left = MAX_PIXEL_BYTES - _pixel_bytes(observation)
+    for earlier in reversed(history[-most:] if most else ()):
+        left -= _pixel_bytes(earlier)
+        if left < 0:
+            break
+        kept.append(earlier)
+    return tuple(reversed(kept))
+
+
+def _pixel_bytes(observation: Observation) -> int:
+    arrays = (getattr(observation, FIELD_OF[sensor], None) for sensor in (Sensor.RGB, Sensor.DEPTH))
+    return sum(array.nbytes for array in arrays if array is not None)
 
 
 def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:

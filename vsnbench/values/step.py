@@ -122,3 +122,18 @@ def driven_path(start: Pose, steps: Iterable[StepRecord]) -> list[Pose]:
         else:
             poses.append(poses[-1] if step.after is None else start.compose(step.after))
     return poses
+
+
+def image_offset(step: StepRecord, odometry: Pose) -> Pose:
+    """Return where the image of a step was taken, in the frame of the robot when the step before ended.
+
+    A robot that rests while the model thinks was there. One that drives on was on its way there: the answer took effect
+    after the image.
+
+    Args:
+        step: the step.
+        odometry: odometry when the step before ended, relative to the start.
+    """
+    if step.answer is None or step.observed is None:
+        return Pose(0.0, 0.0)
+    return step.observed.relative_to(odometry)

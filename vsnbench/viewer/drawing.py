@@ -71,6 +71,8 @@ class EpisodeDrawing:
         self._counts: collections.Counter[str] = collections.Counter()
         self._blocked = 0
         self._first_stamp_s: float | None = None
+        self._until_s: float | None = None
+        """Time until which a robot that drives on has driven."""
         self._with_scores = False
         self._has_boxes = False
         self._begin()
@@ -112,6 +114,7 @@ class EpisodeDrawing:
         log = self._log.log
         stamp_s = entry.step.stamp_s
         self._set_time(entry.step.number, float(entry.step.number) if stamp_s is None else stamp_s)
+        self._until_s = entry.step.answer.until_s if entry.step.answer else None
         diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
         self._blocked += entry.step.blocked
@@ -187,7 +190,7 @@ class EpisodeDrawing:
 
     def _end(self, entry: EpisodeEnd) -> None:
         # One step after the last action, so that this action has a width in the lanes.
-        self._set_time(entry.actions + 1, None)
+        self._set_time(entry.actions + 1, self._until_s)
         for lane in ("actions/action", "actions/outcome"):
             self._log.log(lane, rr.StateChange, state=[None])
         self._plan.draw_end(entry.verdict)

@@ -6,6 +6,7 @@ y downwards.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from vsnbench.results.files.episode_entries import EpisodeHeader, StepEntry
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import targets_of
 from vsnbench.values.pose import Pose
-from vsnbench.values.step import StepRecord
+from vsnbench.values.step import StepRecord, image_offset
 from vsnbench.viewer.entity_log import EntityLog
 from vsnbench.viewer.site_picture import GOAL_EDGE_RGB, PLAN_PIXEL_M, outline, paint_site
 from vsnbench.viewer.static_entities import StaticEntities, cached_entities
@@ -45,6 +46,7 @@ class FloorPlan:
         self._log = log
         self._header = header
         self._robot = header.begin
+        self._odometry = Pose(0.0, 0.0)
         """Where the robot is."""
         self._present: frozenset[str] = frozenset()
         """Diagnostics that are shown now."""
@@ -64,14 +66,15 @@ class FloorPlan:
         )
 
     def draw_step(self, entry: StepEntry) -> float | None:
-        """Log the robot before the action, its path during the action, and the policy's diagnostics.
+        """Log the robot at the image, its path during the action, and the policy's diagnostics.
 
         Returns:
-            Distance to the goal before the action in metres, or None if the site has no instance of it.
+            Distance to the goal at the image in metres, or None if the site has no instance of it.
         """
         header = self._header
         here = self._robot.pose
-        self.draw_robot(here)
+        seen_from = here.compose(image_offset(entry.step, self._odometry))
+        self.draw_robot(seen_from)
         if entry.step.world is not None:
             there = entry.step.world.pose
             progress = min(1.0, _used(entry.step, header.parameters))
@@ -85,9 +88,11 @@ class FloorPlan:
                 )
         self._log_contact(entry)
         self._log_diagnostics(entry)
-        distance = distance_to_goal(header.site, header.goal, self._robot, header.parameters).distance_m
+        fix = replace(self._robot, pose=seen_from)
+        distance = distance_to_goal(header.site, header.goal, fix, header.parameters).distance_m
         if entry.step.world is not None:
             self._robot = entry.step.world
+        self._odometry = entry.step.after or self._odometry
         return distance
 
     def draw_end(self, verdict: Verdict) -> None:

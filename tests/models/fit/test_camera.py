@@ -99,6 +99,14 @@ def test_depth_of_another_resolution_is_cropped_in_proportion(fitted: CroppedPol
     assert np.array_equal(model.seen[0].depth_m, given.depth_m[6:18, 8:24])
 
 
+def test_images_between_decisions_are_cropped_too(fitted: CroppedPolicy, model: Narrow) -> None:
+    given = observation()
+    fitted.act(shown_to_policy(replace(given, history=(given, given)), CARD.sensors))
+    for earlier in model.seen[0].history:
+        assert np.array_equal(earlier.rgb, given.rgb[12:36, 16:48])
+        assert (earlier.camera.width, earlier.depth_m.shape) == (32, (24, 32))  # type: ignore[union-attr]
+
+
 def test_a_sensor_that_is_not_on_the_card_stays_hidden(model: Narrow) -> None:
     card = replace(CARD, sensors=frozenset({Sensor.RGB}))
     model = Narrow(card)

@@ -18,7 +18,8 @@ from vsnbench.values.action import TILTS, Action, ActionKind
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor, ModelCard
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.observation import Sensor
+from vsnbench.values.movement import MAX_PARTS
+from vsnbench.values.observation import MAX_HISTORY, Sensor
 
 FULL = ModelCard(
     "full",
@@ -39,6 +40,7 @@ FULL = ModelCard(
     goal_kinds=frozenset({GoalKind.CATEGORY, GoalKind.IMAGE}),
     deterministic=False,
     anchor=Anchor.ARRIVAL,
+    history=12,
 )
 
 
@@ -92,6 +94,7 @@ def test_the_stand_alone_file_knows_the_same_names() -> None:
     assert set(wire.GOAL_KINDS) == set(GoalKind)
     assert set(wire.SENSORS) == set(Sensor) - {Sensor.INSTANCES}
     assert set(wire.TILTS) == TILTS
+    assert wire.MAX_HISTORY == MAX_HISTORY == MAX_PARTS
     assert set(wire.ACTIONS) == {a for a in Action if not a.has_parameters} - TILTS
 
 
@@ -115,6 +118,7 @@ def test_the_stand_alone_file_knows_the_same_names() -> None:
         ({"forward_m": "0.25"}, "its card's forward_m: expected a number, got '0.25'"),
         ({"turn_deg": -30}, "its card's turn_deg: must be above 0°, got -30°"),
         ({"action_map": {"LOOK_UP": "STOP"}}, "its card's action_map: must map LOOK_UP and LOOK_DOWN to other actions"),
+        ({"history": 51}, "its card's history: must be at most 50, got 51"),
         ({"camera": {"width": 640}}, "its card's camera: width and height must be stated together"),
         ({"camera": {"\x1b[31m": 1}}, r"its card's camera.\x1b[31m: unknown field"),
         ({"camera": {"tilt_deg": 80}}, "its card's camera.tilt_deg: must be below 60, got 80"),

@@ -1,5 +1,6 @@
 """`vsnbench robots simulate` and `vsnbench run` in real time: actions as in simulation, killed run."""
 
+import json
 import sqlite3
 import sys
 import time
@@ -39,14 +40,14 @@ def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph2]:
         yield one
 
 
-def begin(graph: Graph2, robot: str, results: Path) -> Process:
-    words = ["run", "--robot", robot, "--model", "oracle", "--goal", "sofa", "--starts", "7"]
+def begin(graph: Graph2, robot: str, results: Path, model: str = "oracle") -> Process:
+    words = ["run", "--robot", robot, "--model", model, "--goal", "sofa", "--starts", "7"]
     return graph.vsnbench(*words, "--results", results)
 
 
-def run(graph: Graph2, robot: str, results: Path) -> None:
+def run(graph: Graph2, robot: str, results: Path, model: str = "oracle") -> None:
     for _ in range(ATTEMPTS):
-        done = begin(graph, robot, results)
+        done = begin(graph, robot, results, model)
         if done.wait(200) == 0 or "the same command resumes" not in done.output:
             break
     assert done.popen.returncode == 0, done.output
@@ -84,6 +85,16 @@ def test_a_run_that_drives_on_is_recorded_with_the_ages_of_its_answers(graph, tm
     assert done.wait(200) == 0, done.output
     assert rows(tmp_path, "select end_reason, distance_source from verdict") == [("time_limit", "simulated")]
     check_answers(rows(tmp_path, "select stamp_s, movement, duration_s from step order by number"))
+
+
+@pytest.mark.long
+def test_a_chunk_of_turns_gives_a_model_the_image_and_the_odometry_after_each(graph, tmp_path) -> None:
+    run(graph, "turtlebot4@robot1", tmp_path, "tests.robots.panorama:Panorama")
+    judged = "from step join episode on episode.id = episode_id where state = 'judged' order by number"
+    recorded = rows(tmp_path, f"select stamp_s, details {judged}")
+    stamps_s, turned_deg, _ = zip(*json.loads(recorded[-1][1])["seen"], strict=True)
+    assert stamps_s == tuple(stamp_s for stamp_s, _ in recorded[1:])
+    assert [angle % 360 for angle in turned_deg[:-1]] == pytest.approx([30 * k for k in range(1, 12)], abs=2)
 
 
 def actions(results: Path) -> list[tuple]:

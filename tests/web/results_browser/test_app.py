@@ -12,9 +12,12 @@ import pytest
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.study.studies import study_text
 from tests.web.browser import Browser
+from tests.web.results_browser.filmed_record import CAPTURES_S, COMMANDED, FILM_S, make_filmed_record, pose_at
 from tests.web.results_browser.served_record import HOSTILE, entered, make_record, served
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.model import EPISODE
+from vsnbench.results.reading.queries import images_of
+from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.web.results_browser import data
 
@@ -45,6 +48,25 @@ def test_images_are_those_of_the_record(client: Browser, results: Path) -> None:
     assert client.ask("GET", "/images/2/4.jpg").status == 404
     assert client.ask("GET", "/images/3/1.jpg").status == 404
     assert client.ask("GET", "/images/99/1.jpg").status == 404
+
+
+def test_a_film_has_its_times_poses_and_images(tmp_path: Path) -> None:
+    make_filmed_record(tmp_path)
+    with served(tmp_path) as address:
+        client = entered(address)
+        page, by_stack = (client.ask("GET", f"/data/episode-{number}.json").json for number in (1, 2))
+        image = client.ask("GET", "/images/1/1-2.jpg")
+        assert client.ask("GET", "/images/1/1-3.jpg").status == client.ask("GET", "/images/9/1-1.jpg").status == 404
+    assert image.body == (tmp_path / "episodes" / "000001" / "film" / "0001-002.jpg").read_bytes()
+    assert (page["execution"], by_stack["execution"]) == ("continuous", "stack")
+    assert [step["film"] for step in page["steps"]] == [
+        [[time_s, round(pose_at(time_s).x_m, 4), 1.0, 0.0] for time_s in times] for times in FILM_S
+    ]
+    assert [step["pose"][0] for step in page["steps"]] == [round(pose_at(time_s).x_m, 4) for time_s in CAPTURES_S]
+    assert [row[4:] for row in by_stack["steps"][0]["film"]] == [list(COMMANDED)] * 2
+    assert [(step["age_s"], step["stale"], step["until_s"]) for step in page["steps"]] == [
+        (0.4, False, 101.0), (0.4, True, 101.4), (0.4, False, 101.8),
+    ]  # fmt: skip
 
 
 def test_a_page_has_further_quantities_unless_they_are_empty(client: Browser, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,5 +173,12 @@ def test_a_blinded_study_shows_codes_only(tmp_path: Path) -> None:
     with served(tmp_path) as address:
         client = entered(address)
         pages = [client.ask("GET", path).body.decode() for path in ("/data/episodes.json", "/data/episode-1.json")]
+        with open_record(sqlite_url(tmp_path / "vsnbench.db")) as engine:
+            directory = tmp_path / images_of(engine, 1)
+        for folder, file in (("rgb", "0001.jpg"), ("film", "0001-001.jpg")):
+            (directory / folder).mkdir(parents=True, exist_ok=True)
+            (directory / folder / file).write_bytes(b"an image")
+        assert client.ask("GET", "/images/1/1.jpg").status == 200
+        assert client.ask("GET", "/images/1/1-1.jpg").status == 404, "frames of a film tell the time of an answer"
     assert names
     assert not [name for name in names for page in pages if f'"{name}"' in page]

@@ -12,6 +12,7 @@ from tests.cli.chromium import chromium
 from tests.cli.test_record_verbs import vsnbench
 from tests.processes import wait_until
 from tests.results.records_of_a_lab import plan, run, stopped
+from tests.web.results_browser.filmed_record import make_filmed_record
 from tests.web.results_browser.served_record import HOSTILE, make_record, served
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.queries import episode_record
@@ -97,6 +98,100 @@ def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results:
             for width, height in (WIDE, PHONE):
                 page.set_viewport_size({"width": width, "height": height})
                 assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        page.close()
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record of two trials with films."""
+    results = tmp_path_factory.mktemp("filmed")
+    make_filmed_record(results)
+    return results
+
+
+def shown_film(browser: Browser, address: str, view: str) -> Page:
+    page = opened(browser, address)
+    page.goto(f"{address.partition('?')[0]}#/{view}")
+    page.wait_for_selector(".plan polygon")
+    return page
+
+
+def image_of(page: Page) -> str:
+    return str(page.get_attribute(".camera", "src"))
+
+
+def test_steps_of_a_film_are_at_the_times_of_their_images(browser: Browser, filmed: Path) -> None:
+    with served(filmed) as address:
+        page = shown_film(browser, address, "episode/1")
+        banner, action = page.locator(".banner"), page.locator(".action")
+        assert page.locator(".transport [role=status]").inner_text() == "0.0 of 1.8 s"
+        assert banner.inner_text() == "waits for the first answer, 0.0 s"
+        assert page.locator(".banner.waits").count() == 1
+        found = []
+        for _ in range(3):
+            page.keyboard.press("ArrowRight")
+            found.append((image_of(page), banner.inner_text()))
+        assert found == [
+            ("images/1/2.jpg", "answer 1 of 3, 0.6 s"),
+            ("images/1/3.jpg", "answer 2 of 3, 1.0 s: stale, dropped when 0.40 s old"),
+            ("images/1/3-1.jpg", "✓ judged"),
+        ]
+        page.keyboard.press("ArrowLeft")
+        assert "not driven: the robot keeps the path before it" in action.inner_text()
+        assert "this is the image of answer 3" in action.inner_text()
+        page.keyboard.press("Home")
+        assert image_of(page) == "images/1/1.jpg"
+        assert page.locator(".timeline").inner_text().split("\n") == [
+            "#1: 1.8 s",
+            "waits 0.5 s",
+            "1 stale answer dropped",
+        ]
+        page.close()
+
+
+_WATCH = """() => {
+    window.shown = [];
+    const image = document.querySelector(".camera");
+    new MutationObserver(() => window.shown.push([image.getAttribute("src"), performance.now(),
+        document.querySelector(".plan .robot").getAttribute("points").split(" ")[0]]))
+        .observe(image, { attributes: true, attributeFilter: ["src"] });
+}"""
+
+
+def test_a_film_plays_each_image_in_order_at_its_time_and_pose(browser: Browser, filmed: Path) -> None:
+    with served(filmed) as address:
+        page = shown_film(browser, address, "episode/1")
+        page.evaluate(_WATCH)
+        page.keyboard.press(" ")
+        wait_until(lambda: page.locator(".banner.success").count() == 1, "the film has been played to its end")
+        assert page.locator("#play").inner_text() == "▶ play"
+        shown = page.evaluate("window.shown")
+        names = [source.removeprefix("images/1/") for source, _, _ in shown]
+        assert names == ["2.jpg", "1-2.jpg", "3.jpg", "2-1.jpg", "3-1.jpg"], "one of the two images at 0.6 s"
+        assert len({point for _, _, point in shown}) == len(shown), "the robot is elsewhere in each image"
+        assert shown[-1][1] - shown[0][1] >= 900, "in real time: 1 s of the robot's clock"
+        page.close()
+
+
+def test_a_stack_has_the_same_film_with_its_commanded_velocity(browser: Browser, filmed: Path) -> None:
+    with served(filmed) as address:
+        page = shown_film(browser, address, "episode/2")
+        page.locator("#slider").fill("0.85")
+        assert page.locator(".banner").inner_text() == "driven by the stack, 0.8 s"
+        assert page.locator(".action").inner_text() == "commanded 0.30 m/s, 29°/s"
+        assert image_of(page) == "images/2/1-2.jpg"
+        page.close()
+
+
+def test_films_are_accessible_and_fit_the_screen(browser: Browser, filmed: Path) -> None:
+    with served(filmed) as address:
+        page = shown_film(browser, address, "compare/1/2")
+        page.locator("#slider").fill("1.2")
+        assert accessibility_findings(page) == []
+        for width, height in (WIDE, PHONE):
+            page.set_viewport_size({"width": width, "height": height})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.locator("#slider").bounding_box()["width"] > 250
         page.close()
 
 

@@ -14,6 +14,7 @@ import pytest
 from tests.cli.chromium import chromium_page
 from tests.cli.test_record_verbs import vsnbench
 from tests.processes import wait_until
+from tests.web.results_browser.filmed_record import make_filmed_record
 from tests.web.results_browser.served_record import HOSTILE, make_record
 
 
@@ -87,6 +88,21 @@ def test_episodes_open_as_files(site: Path) -> None:
         page.goto(f"{address}#/episode/77")
         page.wait_for_selector("#message:not([hidden])")
         assert [problem for problem in problems if "ERR_FILE_NOT_FOUND" not in problem] == []
+
+
+@pytest.mark.browser
+def test_films_play_from_files(tmp_path: Path) -> None:
+    make_filmed_record(tmp_path / "results")
+    done = vsnbench(tmp_path / "results", "report", "--website", str(tmp_path / "lab"), "--without-videos", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["images"] == 2 * (3 + 4), "images of the answers, and of the film between them"
+    with chromium_page(390, 844) as page:
+        page.goto(f"{(tmp_path / 'lab' / 'episodes.html').as_uri()}#/episode/1")
+        page.wait_for_selector(".plan polygon")
+        page.keyboard.press(" ")
+        wait_until(lambda: page.locator(".banner.success").count() == 1, "the film has been played to its end")
+        assert page.get_attribute(".camera", "src") == "images/1/3-1.jpg"
+        wait_until(lambda: page.evaluate("document.querySelector('.camera').naturalWidth") == 64, "an image is shown")
 
 
 def test_the_headline_has_the_rates_with_schema_and_version(site: Path) -> None:

@@ -132,6 +132,7 @@ class CroppedPolicy(Policy):
     def _cropped(self, observation: Observation, camera: Camera) -> Observation:
         given = observation.__getstate__()
         changes: dict[str, Any] = {"camera": camera}
+        changes["history"] = tuple(self._cropped(earlier, camera) for earlier in observation.history)
         for name in ("rgb", "depth_m", "beyond_range"):
             if given.get(name) is not None:
                 changes[name] = self._part(given[name])

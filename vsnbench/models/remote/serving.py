@@ -150,6 +150,7 @@ def _observation(given: wire.Observation) -> Observation:
         "rgb": given.rgb,
         "depth_m": given.depth_m,
         "beyond_range": given.beyond_range,
+        "history": tuple(map(_observation, given.history)),
     }
     if given.pose is not None:
         measured["pose"] = Pose(given.pose.x_m, given.pose.y_m, given.pose.heading_rad)

@@ -71,6 +71,7 @@ SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction")
 _GOAL_TEXTS = ("id", "kind", "text", "category")
+MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
 MAX_MESSAGE_BYTES = 64 * 2**20
 """Enough for RGB and float depth of 4096 x 2048. A larger message ends the connection."""
@@ -184,6 +185,7 @@ class Observation:
     stamp_s: seconds on the robot's clock. camera: Camera. beyond_range: (H, W) bool: depth is invalid because the
     surface is farther than the camera's range; None if there is no such pixel, or if that is unknown. budget: the
     remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
+    history: observations since the last `act`, oldest first, for a model whose card has `history`.
     """
 
     def __init__(
@@ -195,9 +197,10 @@ class Observation:
         camera: Camera,
         beyond_range: Any = None,
         budget: dict[str, Any] | None = None,
+        history: tuple[Observation, ...] = (),
     ) -> None:
         self.rgb, self.depth_m, self.pose, self.stamp_s, self.camera = rgb, depth_m, pose, stamp_s, camera
-        self.beyond_range, self.budget = beyond_range, budget
+        self.beyond_range, self.budget, self.history = beyond_range, budget, history
 
 
 def serve(  # noqa: PLR0913 - what its command line has
@@ -219,7 +222,8 @@ def serve(  # noqa: PLR0913 - what its command line has
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
             optionally `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"), `weights_sha256`,
-            `weights_label`, `settings`, `action_map`, `anchor`, `deterministic` and `runs_on` (device, threads, ...).
+            `weights_label`, `settings`, `action_map`, `anchor`, `history`, `deterministic` and `runs_on` (device,
+            threads, ...).
             `act` returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally
             `raw_action`, `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a
             `Task`.
@@ -549,13 +553,14 @@ def checked_card(policy: Any) -> dict[str, Any]:
         **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
         **({} if given.get("camera") is None else {"camera": plain(_camera(given["camera"]))}),
         **_anchor(given.get("anchor")),
+        **_history(given.get("history") or 0),
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
     *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
-    "anchor",
+    *("anchor", "history"),
 )
 
 
@@ -563,6 +568,13 @@ def _anchor(given: Any) -> dict[str, str]:
     """Return the anchor of a card where it is not the default."""
     anchor = _known([given or "capture"], ("capture", "arrival"), "anchors")[0]
     return {} if anchor == "capture" else {"anchor": anchor}
+
+
+def _history(given: Any) -> dict[str, int]:
+    """Return the length of the history of a card that asks for one."""
+    if isinstance(given, bool) or not isinstance(given, int) or not 0 <= given <= MAX_HISTORY:
+        raise ValueError(f"history must be a number of observations from 0 to {MAX_HISTORY}")
+    return {"history": given} if given else {}
 
 
 def _camera(given: Any) -> Any:
@@ -860,7 +872,13 @@ def observation_of(message: dict[str, Any]) -> Observation:
     stamp_s: Any = message.get("stamp_s")
     if not _is_finite(stamp_s):
         raise WireError("`stamp_s` must be a number")
-    rgb, depth = message.get("rgb"), message.get("depth")
+    rgb, depth, history = message.get("rgb"), message.get("depth"), message.get("history") or []
+    if (
+        not isinstance(history, list)
+        or len(history) > MAX_HISTORY
+        or not all(isinstance(each, dict) for each in history)
+    ):
+        raise WireError(f"`history` must be an array of at most {MAX_HISTORY} mappings")
     budget = message.get("budget")
     if budget is not None and (not isinstance(budget, dict) or set(budget) != set(_BUDGET)):
         raise WireError("`budget` must be a mapping with {}".format(", ".join(_BUDGET)))
@@ -872,6 +890,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
         camera=Camera(camera),
         beyond_range=None if depth is None else _beyond_range_of(depth),
         budget=budget,
+        history=tuple(observation_of(dict(each, camera=camera, history=None)) for each in history),
     )
 
 

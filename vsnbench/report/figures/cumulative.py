@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vsnbench.protocol.execution import STACK
 from vsnbench.report.analysis.comparability import kinds_note
 from vsnbench.report.analysis.conditions import Condition, footnotes
 from vsnbench.report.analysis.episodes_frame import ReportData
@@ -37,11 +38,12 @@ def outcomes_over_actions(record: ReportData, results: ReportResults) -> Iterato
 
     Success and failure are competing events: a survival curve would rate a model that collides early like one that
     succeeds early. A figure shows conditions of one robot, site and protocol, and so of one action limit, on the goals
-    that they share; imports have figures of their own. Nothing is drawn without counted episodes.
+    that they share; imports have figures of their own. Nothing is drawn without counted episodes, and of stacks, which
+    have no actions.
     """
     groups: dict[tuple[object, ...], list[ConditionSummary]] = {}
     for summary in results.conditions:
-        if summary.total.episodes:
+        if summary.total.episodes and summary.condition.execution != STACK:
             groups.setdefault((*_alike(summary.condition), _goals(summary)), []).append(summary)
     pages = [
         group[at : at + MAX_CONDITIONS] for group in groups.values() for at in range(0, len(group), MAX_CONDITIONS)

@@ -1,5 +1,6 @@
 """Images between the answers of a robot that drives on: their files, and what the record has of them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,11 +56,22 @@ def film_of(details: object) -> tuple[RecordedFrame, ...]:
     try:
         return tuple(
             RecordedFrame(
-                StampedPose(float(stamp_s), Pose(float(x_m), float(y_m), float(heading_rad))),
+                StampedPose(_finite(stamp_s), Pose(_finite(x_m), _finite(y_m), _finite(heading_rad))),
                 str(digest),
-                commanded=(float(sent[0]), float(sent[1]), float(sent[2])) if sent else None,
+                commanded=(_finite(sent[0]), _finite(sent[1]), _finite(sent[2])) if sent else None,
             )
             for stamp_s, x_m, y_m, heading_rad, digest, *sent in rows or ()
         )
     except (TypeError, ValueError, IndexError):
         return ()
+
+
+def _finite(value: Any) -> float:
+    """Return a number of the record.
+
+    Raises:
+        ValueError: it is not a finite one.
+    """
+    if not math.isfinite(number := float(value)):
+        raise ValueError(f"{value} is not finite")
+    return number

@@ -98,11 +98,7 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
         rows = connection.execute(episodes_of_campaigns(*EPISODE.columns()).where(this)).all()
         trial_id = connection.scalar(select(tables.EpisodeRow.trial_id).where(this))
         if trial_id is None:
-            raise UsageError(
-                f"episode {episode_id} does not exist",
-                advice="`vsnbench episodes list` lists the episodes",
-                code="unknown-episode",
-            )
+            raise _unknown(episode_id)
         process = tables.ProcessRow.id == tables.EpisodeRow.process_id
         origin = episodes_of_campaigns(*PROVENANCE.columns()).join(tables.ProcessRow, process).where(this)
         (provenance,) = PROVENANCE.read(EpisodeProvenance, connection.execute(origin))
@@ -121,6 +117,31 @@ def episode_record(engine: Engine, episode_id: int) -> EpisodeRecord:
             provenance=replace(provenance, site_content=content),
         )
         return hide_record(episode) if blind_episodes(connection, [episode_id]) else episode
+
+
+def _unknown(episode_id: int) -> UsageError:
+    """Return the error for an episode that does not exist."""
+    return UsageError(
+        f"episode {episode_id} does not exist",
+        advice="`vsnbench episodes list` lists the episodes",
+        code="unknown-episode",
+    )
+
+
+def images_of(engine: Engine, episode_id: int, *, film: bool = False) -> str:
+    """Return the directory of an episode's images as recorded; empty without any.
+
+    It is also empty for the `film` of a blinded arm: the number of its frames gives the time between two answers.
+
+    Raises:
+        UsageError: the episode does not exist.
+    """
+    with transaction(reading(engine)) as connection:
+        query = select(tables.EpisodeRow.images_directory).where(tables.EpisodeRow.id == episode_id)
+        if (row := connection.execute(query).first()) is None:
+            raise _unknown(episode_id)
+        hides = film and blind_episodes(connection, [episode_id])
+        return "" if hides else str(row.images_directory)
 
 
 def proposals(engine: Engine, numbers: Collection[int]) -> dict[int, RecordedVerdict]:

@@ -198,6 +198,8 @@ class ContinuousStepper(Stepper):
         while self._frame_due_s < until_s:
             if not self._advance(self._frame_due_s):
                 return False
+            if self._calls.takes_history:
+                self._calls.pass_by(self._view.of(self._robot.observe()))
             if (rgb := self._robot.preview()) is not None:
                 pose, commanded = self._robot.locate().pose, self._robot.commanded
                 running.frames.append(FilmFrame(self._now_s(running), pose, rgb, commanded))

@@ -6,6 +6,7 @@ attempt to end the process, becomes a `PolicyFailedError` of one line. Whether a
 """
 
 import logging
+import math
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,7 +31,7 @@ from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.movement import Movement
-from vsnbench.values.observation import Budget, Observation, shown_to_policy
+from vsnbench.values.observation import Budget, Observation, newest_of, shown_to_policy, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
@@ -65,6 +66,9 @@ class PolicyCalls:
         self._card = replace(policy.card, action_map=dict(policy.card.action_map))
         self._robot: RobotFacts | None = None
         self._says_arrived = says_arrived
+        self._history: tuple[Observation, ...] = ()
+        self._answered_s = -math.inf
+        """Time of the newest image that the policy has been asked about."""
 
     @property
     def announcement(self) -> str:
@@ -84,6 +88,7 @@ class PolicyCalls:
             ModelLostError: the policy's server cannot be reached.
         """
         self._robot = task.robot
+        self._history, self._answered_s = (), -math.inf
         with self._failures("reset"):
             if self._policy.needs_survey:
                 self._policy.survey(site, start, base, parameters)
@@ -100,8 +105,26 @@ class PolicyCalls:
         if self._policy.asks_operator and self._says_arrived():
             return Decision(Action.STOP, StopSource.OPERATOR)
         visible = shown_to_policy(observation, self._card.sensors, budget)
+        if earlier := [each for each in self._history if each.stamp_s < observation.stamp_s]:
+            visible = with_changes(visible, history=newest_of(earlier, visible, self._card.history))
+        self._history, self._answered_s = (), observation.stamp_s
         with self._failures("act"):
             return fitting_decision(self._policy.act(visible), self._card, self._robot)
+
+    @property
+    def takes_history(self) -> bool:
+        """Whether the policy receives observations between its decisions."""
+        return self._card.history > 0
+
+    def pass_by(self, observation: Observation) -> None:
+        """Keep a copy of an observation that the policy is not asked about, for the history of the next one.
+
+        Raises:
+            SensorLostError: the observation lacks a sensor of the card.
+        """
+        if self.takes_history and observation.stamp_s > self._answered_s:
+            seen = shown_to_policy(observation, self._card.sensors)
+            self._history = (*newest_of(self._history, seen, self._card.history - 1), seen)
 
     def end(self) -> None:
         """Tell the policy that the episode has ended; its errors are logged, and never keep a robot from stopping."""

@@ -187,6 +187,7 @@ class Stepper:
     def _decide(self, observation: Observation, budget: Budget) -> tuple[Decision, tuple[int, int] | None]:
         """Return the next part of the running chunk, or ask the model."""
         if self._parts:
+            self._calls.pass_by(observation)
             return self._parts.popleft()
         decision = self._calls.act(observation, budget)
         if not decision.parts:

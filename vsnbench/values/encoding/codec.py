@@ -33,6 +33,9 @@ from vsnbench.values.observation import Observation, Sensor
 
 _MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
 
+_IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose")
+"""Keys of an observation in the history of another one, which has the same camera."""
+
 RgbEncoding = Literal["raw", "jpeg"]
 DepthEncoding = Literal["f32", "mm16"]
 
@@ -151,6 +154,9 @@ def observation_to_message(
     if Sensor.ODOMETRY in there:
         pose = observation.pose
         message["pose"] = [pose.x_m, pose.y_m, pose.heading_rad]
+    if observation.history:
+        earlier = (observation_to_message(each, rgb=rgb, depth=depth) for each in observation.history)
+        message["history"] = [{name: each[name] for name in _IN_HISTORY} for each in earlier]
     return message
 
 

@@ -13,7 +13,7 @@ from vsnbench.text.sanitize import sanitize
 from vsnbench.values.action import Action, ActionKind, can_replace
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.observation import Sensor
+from vsnbench.values.observation import MAX_HISTORY, Sensor
 
 
 def _named(name: str) -> str:
@@ -101,6 +101,9 @@ class ModelCard:
     anchor: Anchor = Anchor.CAPTURE
     """Pose that coordinates of answers refer to where the robot drives on while the model thinks. Part of the identity
     where it is `arrival`."""
+    history: Annotated[int, Field(ge=0, le=MAX_HISTORY)] = 0
+    """Most observations that the model takes in `Observation.history`: those since the last call of `act`, of which the
+    newest are kept. 0 for none. Part of the identity where it is not 0."""
     deterministic: bool = field(default=True, compare=False)
     """Whether the same seed and observations give the same actions. Not part of the identity."""
     surveyed: bool = False
@@ -132,6 +135,8 @@ class ModelCard:
             settings["action_map"] = {tilt.value: action.value for tilt, action in sorted(self.action_map.items())}
         if self.anchor is not Anchor.CAPTURE:
             settings["anchor"] = self.anchor.value
+        if self.history:
+            settings["history"] = self.history
         return replace(self, settings=settings, files=files, code=code)
 
     def difference(self, other: Self) -> str:

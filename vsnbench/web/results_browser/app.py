@@ -22,8 +22,9 @@ from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.annotations import MAX_NOTE_CHARACTERS, Annotation, read_annotation
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.film import film_path
 from vsnbench.results.files.images import rgb_path
-from vsnbench.results.reading.queries import episode_record
+from vsnbench.results.reading.queries import images_of
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
@@ -69,6 +70,7 @@ class BrowserApp:
                 Route("/data/episode-{number:int}.json", self._episode),
                 Route("/plan/{sha256}.svg", self._plan),
                 Route("/images/{number:int}/{step:int}.jpg", self._image),
+                Route("/images/{number:int}/{step:int}-{frame:int}.jpg", self._image),
                 Route("/video/{numbers}.mp4", self._video),
                 Route("/annotate", self._annotate, methods=["POST"]),
             ],
@@ -121,17 +123,17 @@ class BrowserApp:
         return Response(await run_in_threadpool(plan_svg, site), media_type="image/svg+xml")
 
     async def _image(self, request: Request) -> Response:
-        number, step = request.path_params["number"], request.path_params["step"]
-        content = await self._read(partial(self._read_image, number, step))
+        content = await self._read(partial(self._read_image, **request.path_params))
         if content is None:
             raise HTTPException(404, "this step has no image")
         return Response(content, media_type=_JPEG, headers={"cache-control": "private, max-age=3600"})
 
-    def _read_image(self, number: int, step: int) -> bytes | None:
-        images = episode_record(self._engine, number).images_directory
-        if not images:
+    def _read_image(self, number: int, step: int, frame: int | None = None) -> bytes | None:
+        """Return the image of a step, or one of its film."""
+        if not (images := images_of(self._engine, number, film=frame is not None)):
             return None
-        return read_confined(self._results.episode_directory(images), rgb_path(Path(), step))
+        file = rgb_path(Path(), step) if frame is None else film_path(Path(), step, frame)
+        return read_confined(self._results.episode_directory(images), file)
 
     async def _video(self, request: Request) -> Response:
         parts = request.path_params["numbers"].split("-")

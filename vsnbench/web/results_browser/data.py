@@ -4,13 +4,14 @@ Blinded studies stay blinded: every query goes through `vsnbench.results.reading
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final
 
 from sqlalchemy import Engine, func, select
 
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
+from vsnbench.results.files.film import RecordedFrame, film_of
 from vsnbench.results.goals import with_goals
 from vsnbench.results.model import FACTS, ROW, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
@@ -21,7 +22,7 @@ from vsnbench.sites.targets import targets_of
 from vsnbench.values.decision_check import SHOWN
 from vsnbench.values.movement import movement_text
 from vsnbench.values.pose import Pose
-from vsnbench.values.step import StepRecord, driven_path
+from vsnbench.values.step import StepRecord, driven_path, image_offset, lasted_s
 
 SCHEMA: Final = 1
 COLUMNS: Final = tuple(
@@ -90,7 +91,9 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
     """Return one episode with its steps, verdicts and notes.
 
     Poses are [x, y, heading] in the site's frame, metres and radians. `path` has the pose before each step and the one
-    at the end; it comes from odometry where the pose in the site is unknown.
+    at the end; it comes from odometry where the pose in the site is unknown. `pose` of a step is that of its image.
+    `film` of a step has a row for each image until the next answer: time, x, y, heading, and the velocity that a stack
+    commanded then (m/s, m/s, rad/s). Times are seconds on the robot's clock.
 
     Raises:
         UsageError: the episode does not exist.
@@ -105,6 +108,7 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
     site, start = site_of(episode), episode.placement.pose if episode.placement else None
     if start is None and site is not None:
         start = next((place.pose for place in site.starts if place.number == episode.start), None)
+    path = driven_path(start, steps) if start is not None else []
     return {
         "schema": SCHEMA,
         "row": dict(zip(COLUMNS, _shown(list(ROW.json(episode).values())), strict=True)),
@@ -112,14 +116,15 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
         "seed": episode.seed,
         "weights": provenance.weights_label,
         "max_actions": provenance.protocol.get("max_actions"),
+        "execution": episode.execution,
         "success_distance_m": episode.success_distance_m,
         "error": episode.error[:_MAX_TEXT],
         **({"facts": facts} if (facts := _facts(episode)) else {}),
         **({"stopped": episode.stopped.words} if episode.stopped else {}),
         "targets": sorted(target.id for target in targets_of(site, episode.goal)) if site else [],
         "site_sha256": provenance.site_sha256 if site else "",
-        "path": _path(start, steps),
-        "steps": [_step(step) for step in steps],
+        "path": [_row(pose) for pose in path],
+        "steps": [_step(step) | {"pose": pose} for step, pose in zip(steps, _image_poses(path, steps), strict=True)],
         "verdicts": [
             {
                 "at": f"{verdict.created_at:%Y-%m-%d %H:%M:%S}",
@@ -188,15 +193,20 @@ def recorded_site(engine: Engine, sha256: str) -> Site | None:
         return None if row is None else _valid_site(with_goals(connection, row.content, [row.id]))
 
 
-def _path(start: Pose | None, steps: tuple[StepRecord, ...]) -> list[list[float]]:
-    if start is None:
-        return []
-    poses = driven_path(start, steps)
-    return [[round(value, 4) for value in (pose.x_m, pose.y_m, pose.heading_rad)] for pose in poses]
+def _row(pose: Pose) -> list[float]:
+    return [round(value, 4) for value in (pose.x_m, pose.y_m, pose.heading_rad)]
+
+
+def _image_poses(path: list[Pose], steps: tuple[StepRecord, ...]) -> Iterator[list[float] | None]:
+    """Yield the pose at which the image of each step was taken; None where the start is unknown."""
+    odometry = Pose(0.0, 0.0)
+    for place, step in enumerate(steps):
+        yield _row(path[place].compose(image_offset(step, odometry))) if path else None
+        odometry = step.after or odometry
 
 
 def _step(step: StepRecord) -> dict[str, Any]:
-    collision = step.result.collision if step.result else None
+    collision, answer = step.result.collision if step.result else None, step.answer
     return {
         "number": step.number,
         "action": movement_text(step.movement) if step.movement is not None else step.action.value,
@@ -206,12 +216,25 @@ def _step(step: StepRecord) -> dict[str, Any]:
         "failure": step.result.failure if step.result else "",
         "touched": (collision.touched or "unknown object") if collision else "",
         "time_s": _rounded(step.stamp_s, 2),
+        "until_s": None
+        if step.stamp_s is None
+        else _rounded(step.stamp_s + lasted_s(step.stamp_s, step.result, answer), 3),
+        "age_s": _rounded(answer.age_s, 3) if answer else None,
+        "stale": bool(answer and answer.stale),
+        "waiting_s": _rounded(step.result.waiting_s, 2) if step.result else None,
+        "film": [_frame(frame) for frame in film_of(step.details)],
         "infer_s": _rounded(step.timings.infer_s, 3),
         "scores": {name: round(score, 4) for name, score in step.probabilities.items() if _is_number(score)},
         "values": _values(step.details),
         "note": _note(step.details),
         "has_image": step.rgb_digest is not None,
     }
+
+
+def _frame(frame: RecordedFrame) -> list[float]:
+    at = frame.moment
+    place = (at.pose.x_m, at.pose.y_m, at.pose.heading_rad, *(frame.commanded or ()))
+    return [round(at.stamp_s, 3), *(round(value, 4) for value in place)]
 
 
 def _values(details: Mapping[str, Any]) -> dict[str, float]:

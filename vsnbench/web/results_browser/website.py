@@ -25,6 +25,7 @@ from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.headline import headlines
 from vsnbench.results.files.confined_paths import read_confined
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.files.film import film_path
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
@@ -185,24 +186,32 @@ def _write_answer(directory: Path, path: str, content: object) -> None:
 
 
 def _write_images(results: ResultsDirectory, images: str, episode: dict[str, Any], directory: Path) -> int:
-    """Write the colour images of an episode, smaller than recorded, and return their number."""
+    """Write the colour images of an episode and of its film, smaller than recorded, and return their number."""
     if not images:
         return 0
-    folder, written = results.episode_directory(images), 0
+    folder, target, written = results.episode_directory(images), directory / "images" / str(episode["row"]["id"]), 0
     for step in episode["steps"]:
-        content = read_confined(folder, rgb_path(Path(), step["number"]))
-        picture = decode_picture(content, cv2.IMREAD_COLOR) if content else None
-        if picture is None:
-            continue
-        if picture.shape[1] > _IMAGE_WIDTH_PX:
-            size = _IMAGE_WIDTH_PX, round(picture.shape[0] * _IMAGE_WIDTH_PX / picture.shape[1])
-            picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-        made, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        if made:
-            number = episode["row"]["id"]
-            write_atomic(directory / "images" / str(number) / f"{step['number']}.jpg", jpeg.tobytes())
-            written += 1
+        number = step["number"]
+        files = {f"{number}.jpg": rgb_path(Path(), number)}
+        files |= {f"{number}-{k}.jpg": film_path(Path(), number, k) for k in range(1, len(step["film"]) + 1)}
+        for name, file in files.items():
+            content = read_confined(folder, file)
+            if content and (jpeg := _smaller(content)):
+                write_atomic(target / name, jpeg)
+                written += 1
     return written
+
+
+def _smaller(content: bytes) -> bytes | None:
+    """Return an image as JPEG, not wider than a page needs; None if it cannot be decoded."""
+    picture = decode_picture(content, cv2.IMREAD_COLOR)
+    if picture is None:
+        return None
+    if picture.shape[1] > _IMAGE_WIDTH_PX:
+        size = _IMAGE_WIDTH_PX, round(picture.shape[0] * _IMAGE_WIDTH_PX / picture.shape[1])
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    made, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return jpeg.tobytes() if made else None
 
 
 def _headline(report: Report) -> dict[str, Any]:

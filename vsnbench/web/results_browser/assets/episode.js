@@ -1,14 +1,18 @@
-// One episode, or two of one trial side by side, step by step.
+// One episode, or two of one trial side by side, step by step, or in time where there is a film.
 
 const PLAY_MS = 250;
 const PRELOADED = 6;
+const PRELOADED_FILM = 20;
 const SCORES = 6;
 
-// Camera, plan, action and scores of one episode at a step.
+// Camera, plan, action and scores of one episode at a moment.
 class Player {
-  constructor(episode) {
+  constructor(episode, inTime) {
     this.episode = episode;
-    this.plan = new Plan(episode);
+    this.inTime = inTime;
+    const { moments, track } = inTime ? momentsInTime(episode) : momentsOfSteps(episode);
+    this.moments = moments;
+    this.plan = new Plan(episode, track);
     this.image = make("img", { alt: "", class: "camera" });
     this.none = make("p", { class: "dim none", hidden: true }, "No image of this step.");
     this.action = make("p", { class: "action" });
@@ -23,34 +27,37 @@ class Player {
   }
 
   get last() {
-    return this.episode.steps.length;
+    return this.moments.at(-1).at;
   }
 
-  show(place) {
+  // Adds the strip of the times at which the robot waits, and of dropped and blocked answers, on an axis of `end` seconds.
+  addTimeline(end) {
+    this.timeline = new Timeline(this.episode, end);
+    return this.timeline.element;
+  }
+
+  show(at) {
     const { steps, row } = this.episode;
-    const isEnd = place >= steps.length;
-    const step = steps[Math.min(place, steps.length - 1)];
-    this.plan.draw(Math.min(place, steps.length));
-    this.banner.className = `banner ${isEnd ? row.outcome : "driving"}`;
-    const verdict = this.episode.verdicts.filter((given) => !given.proposed).at(-1);
-    this.banner.textContent = isEnd
-      ? `${MARKS[row.outcome]} ${verdict ? verdict.reason : resultText(row)}`
-      : `action ${step.number} of at most ${this.episode.max_actions ?? "?"}${step.time_s === null ? "" : `, ${step.time_s.toFixed(1)} s`}`;
-    if (!step) return;
-    this.image.hidden = !step.has_image || !row.has_images;
-    this.none.hidden = !this.image.hidden;
-    if (!this.image.hidden) {
-      const address = `images/${row.id}/${step.number}.jpg`;
-      if (this.image.getAttribute("src") !== address) this.image.src = address;
-      this.image.alt = `camera before action ${step.number}`;
-      for (const next of steps.slice(place + 1, place + PRELOADED)) new Image().src = `images/${row.id}/${next.number}.jpg`;
-    }
-    const notes = [step.blocked && "blocked by the depth guard", step.refusal, step.touched && `collision: ${step.touched}`, step.failure]
+    const place = this.moments.findLastIndex((each) => each.at <= at);
+    const moment = this.moments[place];
+    this.plan.draw(moment);
+    const step = steps[moment.driven] ?? null;
+    const seen = steps[moment.seen] ?? null;
+    this.banner.className = `banner ${moment.isEnd ? row.outcome : this.inTime && this.timeline.waitsAt(at) ? "waits" : "driving"}`;
+    this.banner.textContent = moment.isEnd ? this.verdict() : this.inTime ? this.stateInTime(moment, at) : this.stateAtStep(step);
+    this.showImage(moment, place);
+    if (!step) { this.action.replaceChildren(); this.scores.replaceChildren(); return; }
+    const notes = [step.stale && "not driven: the robot keeps the path before it", step.blocked && "blocked by the depth guard", step.refusal, step.touched && `collision: ${step.touched}`, step.failure]
       .filter(Boolean);
     const raw = step.raw_action && step.raw_action !== step.action ? ` (${step.raw_action})` : "";
-    this.action.replaceChildren(make("strong", {}, `${step.action.replaceAll("_", " ").toLowerCase()}${raw}`),
+    const byStack = this.episode.execution === "stack"; // which is watched, and answers nothing but STOP
+    this.action.replaceChildren(byStack && step.action !== "STOP" ? "" : make("strong", {}, `${step.action.replaceAll("_", " ").toLowerCase()}${raw}`),
       ...notes.map((text) => make("span", { class: "warn" }, ` ${text}`)),
-      step.infer_s === null ? "" : make("span", { class: "dim small" }, ` decided in ${(step.infer_s * 1000).toFixed(0)} ms`));
+      byStack || step.infer_s === null ? "" : make("span", { class: "dim small" }, ` decided in ${(step.infer_s * 1000).toFixed(0)} ms`),
+      byStack || step.age_s === null || step.stale ? "" : make("span", { class: "dim small" }, `, took effect ${step.age_s.toFixed(2)} s after its image`),
+      moment.sent?.length ? make("span", { class: "small" }, ` commanded ${velocityText(moment.sent)}`) : "",
+      this.inTime && seen && !moment.isEnd && this.episode.execution === "continuous"
+        ? make("span", { class: "small" }, ` · this is the image of answer ${seen.number}`) : "");
     const scores = Object.entries(step.scores).sort((a, b) => b[1] - a[1]).slice(0, SCORES);
     this.scores.replaceChildren(...scores.map(([name, score]) => {
       const bar = make("div", { class: "score" }, make("span", {}, name.replaceAll("_", " ").toLowerCase()), make("span", {}, score.toFixed(2)));
@@ -59,7 +66,52 @@ class Player {
     }), ...Object.entries(step.values).map(([name, value]) => make("div", { class: "detail small" }, `${name}: ${value}`)),
     step.note ? make("p", { class: "small" }, step.note) : "");
   }
+
+  verdict() {
+    const { row } = this.episode;
+    const verdict = this.episode.verdicts.filter((given) => !given.proposed).at(-1);
+    return `${MARKS[row.outcome]} ${verdict ? verdict.reason : resultText(row)}`;
+  }
+
+  stateAtStep({ number, time_s }) {
+    const { execution, max_actions, steps } = this.episode;
+    const count = execution === "stop_and_go" ? `action ${number} of at most ${max_actions ?? "?"}` : `answer ${number} of ${steps.length}`;
+    return `${count}${time_s === null ? "" : `, ${time_s.toFixed(1)} s`}`;
+  }
+
+  // What the robot does at a moment of a film.
+  stateInTime({ driven }, at) {
+    const { steps, execution } = this.episode;
+    const time = `${at.toFixed(1)} s`;
+    if (execution === "stack") return `driven by the stack, ${time}`;
+    if (driven < 0) return `waits for the first answer, ${time}`;
+    const step = steps[driven];
+    if (execution !== "continuous") return `action ${step.number}, ${time}`;
+    const stale = step.stale ? `: stale, dropped when ${step.age_s.toFixed(2)} s old` : "";
+    return `answer ${step.number} of ${steps.length}, ${time}${stale}${this.timeline.waitsAt(at) ? " · waits for the next answer" : ""}`;
+  }
+
+  showImage(moment, place) {
+    const { row } = this.episode;
+    const addressOf = (image) => `images/${row.id}/${image}.jpg`;
+    this.image.hidden = moment.image === null || !row.has_images;
+    this.none.hidden = !this.image.hidden;
+    if (this.image.hidden) return;
+    const address = addressOf(moment.image);
+    if (this.image.getAttribute("src") !== address) this.image.src = address;
+    this.image.alt = this.inTime ? `camera at ${moment.at.toFixed(1)} s` : `camera before action ${moment.seen + 1}`;
+    const next = this.moments.slice(place + 1, place + (this.inTime ? PRELOADED_FILM : PRELOADED));
+    for (const { image } of next) if (image !== null) new Image().src = addressOf(image);
+  }
 }
+
+// A velocity in words: ahead and to the left in m/s, turn in rad/s.
+function velocityText([ahead, left, turn]) {
+  const aside = left ? `, ${left.toFixed(2)} m/s to the left` : "";
+  return `${ahead.toFixed(2)} m/s${aside}, ${(turn * 180 / Math.PI).toFixed(0)}°/s`;
+}
+
+const sorted = (numbers) => [...new Set(numbers)].sort((a, b) => a - b);
 
 class EpisodePage {
   constructor(numbers, rows, onAnnotated) {
@@ -75,22 +127,27 @@ class EpisodePage {
     const episodes = await Promise.all(this.numbers.map((number) => load(`data/episode-${number}.json`)));
     for (const episode of episodes) episode.row = titled(episode.row);
     this.episodes = episodes;
-    this.players = episodes.map((episode) => new Player(episode));
+    this.inTime = playsInTime(episodes);
+    this.players = episodes.map((episode) => new Player(episode, this.inTime));
     this.last = Math.max(...this.players.map((player) => player.last));
-    this.slider = make("input", { type: "range", min: "0", max: String(this.last), step: "1", "aria-label": "step", id: "slider",
-      oninput: () => this.show(Number(this.slider.value)) });
+    const moments = this.players.flatMap((player) => player.moments);
+    this.times = sorted(moments.map(({ at }) => at));
+    this.stops = this.inTime ? sorted([...moments.filter(({ seen }) => seen >= 0).map(({ at }) => at), this.last]) : this.times;
+    this.slider = make("input", { type: "range", min: "0", max: String(this.last), step: this.inTime ? "any" : "1",
+      "aria-label": this.inTime ? "time" : "step", id: "slider", oninput: () => this.show(Number(this.slider.value)) });
     this.playButton = make("button", { class: "chip", id: "play", onclick: () => this.toggle() }, "▶ play");
     this.where = make("span", { class: "dim", role: "status" });
     const bar = make("div", { class: "transport" },
       make("button", { class: "chip", "aria-label": "previous step", onclick: () => this.step(-1) }, "←"), this.playButton,
-      make("button", { class: "chip", "aria-label": "next step", onclick: () => this.step(1) }, "→"), this.slider, this.where);
+      make("button", { class: "chip", "aria-label": "next step", onclick: () => this.step(1) }, "→"),
+      make("div", { class: "axis" }, this.slider, ...(this.inTime ? this.players.map((player) => player.addTimeline(this.last)) : [])), this.where);
     this.element.replaceChildren(this.links(), make("div", { class: this.players.length > 1 ? "players two" : "players" },
       ...this.players.map((player) => player.element)), bar, ...episodes.map((episode) => this.facts(episode)));
     this.show(Math.min(place ?? 0, this.last));
   }
 
   close() {
-    clearInterval(this.timer);
+    clearTimeout(this.timer);
   }
 
   show(place) {
@@ -98,23 +155,44 @@ class EpisodePage {
     this.slider.value = String(this.place);
     for (const player of this.players) player.show(this.place);
     const isEnd = this.place === this.last;
-    this.where.textContent = isEnd ? `end (${this.last} steps)` : `step ${this.place + 1} of ${this.last}`;
+    this.where.textContent = this.inTime ? `${isEnd ? "end" : this.place.toFixed(1)} of ${this.last.toFixed(1)} s`
+      : isEnd ? `end (${this.last} steps)` : `step ${this.place + 1} of ${this.last}`;
+    this.slider.setAttribute("aria-valuetext", this.where.textContent);
     if (isEnd) this.pause();
   }
 
+  // Goes to the previous or next step; in a film, to the time of its image.
   step(by) {
-    this.show(this.place + by);
+    const next = by < 0 ? this.stops.findLast((at) => at < this.place - MARGIN_S) : this.stops.find((at) => at > this.place + MARGIN_S);
+    if (next !== undefined) this.show(next);
+    if (this.timer) { this.pause(); this.play(); }
   }
 
   toggle() {
     if (this.timer) { this.pause(); return; }
     if (this.place === this.last) this.show(0);
-    this.timer = setInterval(() => this.step(1), PLAY_MS);
+    this.play();
+  }
+
+  // Plays the steps at a constant rate, or the images of a film at the times at which they were taken.
+  play() {
+    const [from, began] = [this.place, performance.now()];
     this.playButton.textContent = "❚❚ pause";
+    const playNext = () => {
+      const next = this.times.find((at) => at > this.place + MARGIN_S) ?? this.last;
+      const due = this.inTime ? (next - from) * 1000 - (performance.now() - began) : PLAY_MS;
+      this.timer = setTimeout(() => {
+        this.timer = null;
+        this.show(next);
+        if (next < this.last) playNext();
+        else this.pause();
+      }, Math.max(due, 0));
+    };
+    playNext();
   }
 
   pause() {
-    clearInterval(this.timer);
+    clearTimeout(this.timer);
     this.timer = null;
     this.playButton.textContent = "▶ play";
   }

@@ -18,11 +18,12 @@ async function planOf(episode) {
 }
 
 class Plan {
-  constructor(episode) {
+  constructor(episode, track) {
     this.episode = episode;
+    this.track = track;
     this.holder = document.createElement("div");
     this.holder.className = "plan";
-    this.step = 0;
+    this.moment = null;
     if (!episode.site_sha256) {
       this.holder.textContent = "The site of this episode is unknown.";
       return;
@@ -34,24 +35,24 @@ class Plan {
         object.classList.toggle("goal", episode.targets.includes(object.dataset.id));
       }
       this.holder.replaceChildren(svg);
-      this.draw(this.step);
+      this.draw(this.moment);
     }).catch(() => { this.holder.textContent = "The plan cannot be loaded."; });
   }
 
-  // Draws the path up to the pose before a step; the last pose is the end.
-  draw(step) {
-    this.step = step;
-    const { path, row } = this.episode;
-    if (!this.layer || !path.length) return;
-    const until = path.slice(0, Math.min(step, path.length - 1) + 1);
-    const [x, y, heading] = until.at(-1);
-    const isEnd = step >= path.length - 1 && row.end_reason;
+  // Draws the path until a moment, and the robot.
+  draw(moment) {
+    this.moment = moment;
+    const { track } = this;
+    if (!this.layer || !moment?.pose || !track.length) return;
+    const [x, y, heading] = moment.pose;
+    const until = [...track.slice(0, moment.poses), moment.pose];
+    const isEnd = moment.isEnd && this.episode.row.end_reason;
     const at = (radius, angle) => `${x + radius * Math.cos(heading + angle)},${y + radius * Math.sin(heading + angle)}`;
-    const kind = isEnd ? row.outcome : "driving";
+    const kind = isEnd ? this.episode.row.outcome : "driving";
     this.layer.replaceChildren(
-      makeSvg("polyline", { class: "rest", points: path.map(([a, b]) => `${a},${b}`).join(" ") }),
+      makeSvg("polyline", { class: "rest", points: track.map(([a, b]) => `${a},${b}`).join(" ") }),
       makeSvg("polyline", { class: "path", points: until.map(([a, b]) => `${a},${b}`).join(" ") }),
-      makeSvg("circle", { class: "begin", cx: path[0][0], cy: path[0][1], r: 0.1 }),
+      makeSvg("circle", { class: "begin", cx: track[0][0], cy: track[0][1], r: 0.1 }),
       makeSvg("polygon", { class: `robot ${kind}`, points: [at(0.34, 0), at(0.24, 2.5), at(0.24, -2.5)].join(" ") }),
     );
   }
