@@ -22,8 +22,8 @@ from scipy.special import expit
 from study_errors import ALPHA, GOALS, OF_START, STARTS, balanced_plan, logit_for
 
 from vsnbench.statistics.balanced import flip_p_values, paired_intervals
-from vsnbench.statistics.betting import as_share, capital
 from vsnbench.statistics.conclusion import winner_signs
+from vsnbench.statistics.sequential.betting import as_share, capital
 from vsnbench.study.power import decided_studies, unit_differences
 from vsnbench.study.units import bet_fractions
 

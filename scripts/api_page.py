@@ -56,6 +56,7 @@ PARTS = {
         "vsnbench.statistics.clustered",
         "vsnbench.statistics.paired",
         "vsnbench.statistics.permutation",
+        "vsnbench.statistics.sequential.group_sequential",
         "vsnbench.statistics.power",
         "vsnbench.statistics.power_independent",
         "vsnbench.statistics.bootstrap",

@@ -39,7 +39,11 @@ WITHOUT_A_VALUE = {
     "stress.models[].disturbances[].effects[].ci_low": "known paths of several starting positions",
     "study report#0.primary.answers[].means": "a study on progress",
     "study report#0.primary.dropped{}": "a long study with three arms",
+    "study report#0.primary.looked[]": "a study that is analysed at looks",
+    "study report#0.primary.looks[]": "a study that is analysed at looks",
     "study run.suspended[]": "a model that stops working",
+    "study status.looked[]": "a study that is analysed at looks",
+    "study status.looks[]": "a study that is analysed at looks",
 }
 """Part of a schema that the commands have no value of -> what it needs."""
 NAMES = sorted({name_of(line) for line in COMMANDS.splitlines() if line})

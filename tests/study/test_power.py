@@ -5,9 +5,9 @@ from statsmodels.stats.power import TTestPower
 
 from tests.study.studies import small_study
 from vsnbench.statistics.balanced import flip_p_values, paired_intervals
-from vsnbench.statistics.betting import as_share, capital
 from vsnbench.statistics.conclusion import winner_signs
 from vsnbench.statistics.power import Design, Resemblance
+from vsnbench.statistics.sequential.betting import as_share, capital
 from vsnbench.study.power import (
     PlannedPower,
     decided_studies,

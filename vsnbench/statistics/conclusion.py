@@ -27,6 +27,10 @@ class Conclusion(StrEnum):
     """The test rejects, but the interval includes differences within the margin."""
     INTERVAL_ONLY = "interval only"
     """The interval excludes the margin, but the test does not reject."""
+    EQUIVALENT = "equivalent"
+    """The difference is smaller than the margin, in either direction."""
+    NOT_INFERIOR = "not inferior"
+    """The first is worse than the second by less than the margin, if at all."""
     NOT_SHOWN = "not shown"
     INCOMPLETE = "incomplete"
     """Too few of the planned trials are complete."""
@@ -59,7 +63,7 @@ class DifferenceEvidence:
     """Two-sided p-value, corrected for all comparisons; None if the interval is the test."""
     alpha: float = 0.05
     margin: float = 0.0
-    """Difference that a winner must exceed, 0 or more."""
+    """Difference that a winner must exceed, 0 or more; of equivalence, the one that the models must not reach."""
     complete: bool = True
     """Enough of the planned trials are complete for a conclusion."""
 
@@ -76,6 +80,28 @@ def conclude(evidence: DifferenceEvidence) -> Conclusion:
     if evidence.p is not None and p <= evidence.alpha + _ROUNDING:
         return Conclusion.TEST_ONLY
     return Conclusion.INTERVAL_ONLY if interval.low > margin or interval.high < -margin else Conclusion.NOT_SHOWN
+
+
+def conclude_within(evidence: DifferenceEvidence, *, one_sided: bool = False) -> Conclusion:
+    """Return whether the evidence shows equivalence, or that the first is not inferior.
+
+    Two one-sided tests (Schuirmann 1987): the larger p-value must be at most alpha, and the interval, of confidence
+    1 - 2 alpha, must lie within the margin.
+
+    Args:
+        evidence: `p` is the larger of the two one-sided p-values, or the only one.
+        one_sided: non-inferiority: only that the first is worse by less than the margin.
+    """
+    if not evidence.complete or math.isnan(evidence.difference) or evidence.p is None:
+        return Conclusion.INCOMPLETE
+    interval, margin = evidence.interval, evidence.margin
+    rejects = evidence.p <= evidence.alpha + _ROUNDING
+    within = interval.low > -margin and (one_sided or interval.high < margin)
+    if rejects and within:
+        return Conclusion.NOT_INFERIOR if one_sided else Conclusion.EQUIVALENT
+    if rejects:
+        return Conclusion.TEST_ONLY
+    return Conclusion.INTERVAL_ONLY if within else Conclusion.NOT_SHOWN
 
 
 def winner_signs(

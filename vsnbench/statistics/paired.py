@@ -62,13 +62,13 @@ class PairedOutcomes:
             return math.nan
         return float(np.mean(arrays(self.first.cells)[1] - arrays(self.second.cells)[1]))
 
-    def cluster_differences(self) -> list[float]:
-        """Return the sum of the differences of each cluster's cells."""
+    def cluster_differences(self, beyond: float = 0.0) -> list[float]:
+        """Return the sum of each cluster's differences beyond a tested one, over its cells, by cluster number."""
         if not self.cells:
             return []
         clusters, mine, _ = arrays(self.first.cells)
         theirs = arrays(self.second.cells)[1]
-        return [float(total) for total in np.bincount(clusters, weights=mine - theirs)]
+        return [float(total) for total in np.bincount(clusters, weights=mine - theirs - beyond)]
 
 
 def paired_test(outcomes: PairedOutcomes) -> float:

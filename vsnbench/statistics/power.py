@@ -134,8 +134,10 @@ def power(design: Design, difference: float, seed: int = 0, *, margin: float = 0
     return named_models(design, difference, seed, margin=margin)[0]
 
 
-def named_models(design: Design, difference: float, seed: int = 0, *, margin: float = 0.0) -> tuple[float, float]:
-    """Return how often the better and how often the worse model is named, from 600 simulated experiments.
+def named_models(
+    design: Design, difference: float, seed: int = 0, *, margin: float = 0.0, samples: int = SAMPLES
+) -> tuple[float, float]:
+    """Return how often the better and how often the worse model is named, from simulated experiments.
 
     A model is named by `vsnbench.statistics.conclusion`, by test and interval together, at the level of the design.
 
@@ -144,13 +146,14 @@ def named_models(design: Design, difference: float, seed: int = 0, *, margin: fl
         difference: true difference, 0 to 1.
         seed: seed of the simulation.
         margin: difference that a winner must exceed.
+        samples: number of simulated experiments.
     """
     if (design.starts if design.starts > 1 else design.cells) < MIN_UNITS:
         return 0.0, 0.0  # the interval is unknown
     random = np.random.default_rng(seed)
     first = min(0.999, max(0.001, design.rate + difference / 2))
     second = min(0.999, max(0.001, first - difference))
-    sides = _simulate(random, design, min(0.999, second + difference), second)
+    sides = _simulate(random, design, min(0.999, second + difference), second, samples)
     p = _p_values(random, (sides[0] - sides[1]).sum(2))
     if design.starts == 1:
         sides = sides.swapaxes(2, 3)  # a single position is replaced by its cells
@@ -198,10 +201,10 @@ def least(enough: Callable[[int], bool], low: int, high: int) -> int | None:
     return top
 
 
-def _simulate(random: np.random.Generator, design: Design, first: float, second: float) -> Floats:
+def _simulate(random: np.random.Generator, design: Design, first: float, second: float, samples: int) -> Floats:
     """Return (2, samples, starts, cells): success rate of each model in each cell."""
     alike = design.resemblance
-    shape = (SAMPLES, design.starts, design.cells)
+    shape = (samples, design.starts, design.cells)
     of_start, of_cell = alike.of_normals
     models = math.sin(math.pi / 2 * alike.models)
     shared = common_parts(random, shape, of_start, of_cell)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from vsnbench.statistics.clustered import Cell, Outcomes, rate_interval
 from vsnbench.statistics.power import min_starts
 from vsnbench.study.file import Rate, StudyFile
+from vsnbench.study.looks import earliest_decision
 from vsnbench.study.power import pairs_of
 from vsnbench.study.stopping import min_units
 from vsnbench.study.units import Block
@@ -22,6 +23,8 @@ def design_error(study: StudyFile, blocks: Sequence[Block]) -> str:
         return _these_cells_error(study, blocks)
     if study.stopping != "plan":
         return ""  # `StudyPlace.of` rejects plans with too few starting positions
+    if study.of_margin:
+        return _margin_error(study, blocks)
     starts = len({block.start for block in blocks})
     count = f"{starts} starting position{'' if starts == 1 else 's'}"
     if isinstance(study.primary, Rate):
@@ -38,6 +41,17 @@ def design_error(study: StudyFile, blocks: Sequence[Block]) -> str:
     return (
         f"with {count} no outcome can be significant at {level:.3g}: the sign-flip test requires at least {fewest} "
         "starting positions"
+    )
+
+
+def _margin_error(study: StudyFile, blocks: Sequence[Block]) -> str:
+    """Return why equal results of all trials would not lie within the margin, or an empty string."""
+    if earliest_decision(study, blocks) is not None:
+        return ""
+    starts = counted(len({block.start for block in blocks}), "starting position")
+    return (
+        f"with {starts} no outcome can show that a difference is below the margin of {100 * study.margin:g} points; "
+        "use more positions or a larger margin"
     )
 
 

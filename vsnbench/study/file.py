@@ -12,6 +12,7 @@ from vsnbench.protocol.named import NAMED
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.settings.yaml_file import parse_settings
 from vsnbench.sites.categories import CATEGORIES, canonical_category
+from vsnbench.statistics.sequential.group_sequential import SPENDING
 
 MAX_ARMS = 12
 _GOAL = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
@@ -75,7 +76,26 @@ class Rate(BaseModel):
     rate: float = Field(gt=0, lt=1, description="reference rate, 0 to 1")
 
 
-Primary = Annotated[Difference | Rate, Field(discriminator="kind")]
+class Equivalence(BaseModel):
+    """All pairs of arms are equally good up to the margin, on the shared goals."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: Literal["equivalence"] = Field(description="all pairs are equally good up to `margin`, shared goals")
+    metric: Literal["success", "progress"] = Field(default="success", description="success or progress")
+
+
+class NonInferiority(BaseModel):
+    """One arm is worse than each other arm by less than the margin, if at all."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: Literal["non-inferiority"] = Field(description="one arm is at most `margin` worse than each other one")
+    arm: str = Field(description="name of the arm that must not be inferior")
+    metric: Literal["success", "progress"] = Field(default="success", description="success or progress")
+
+
+Primary = Annotated[Difference | Rate | Equivalence | NonInferiority, Field(discriminator="kind")]
 
 
 class StudyFile(BaseModel):
@@ -112,14 +132,34 @@ class StudyFile(BaseModel):
     stopping: Literal["plan", "decided"] = Field(
         default="plan", description="plan: when all trials are complete; decided: when the primary analysis is decided"
     )
+    test: Literal["sign-flips", "bets"] | None = Field(
+        default=None,
+        description="rule of `decided`: sign-flips (at the looks, the default) or bets (after every unit of `about`)",
+    )
+    looks: tuple[int, ...] | None = Field(
+        default=None,
+        description="numbers of complete starting positions at which `decided` is analysed; default: about half, three "
+        "quarters and all of them",
+    )
+    spending: float = Field(
+        default=SPENDING,
+        ge=0.5,
+        le=10,
+        description="exponent of alpha spending: up to a look at the share t of the positions, alpha * t**spending",
+    )
     about: Literal["these-cells", "cells-like-these"] | None = Field(
         default=None,
-        description="scope of `decided`: these-cells (evaluated per block) or cells-like-these (evaluated per "
-        "starting position)",
+        description="scope of bets: these-cells (evaluated per block) or cells-like-these (evaluated per starting "
+        "position)",
     )
     primary: Primary = Field(default_factory=Difference, description="analysis that determines the conclusion")
     alpha: float = Field(default=0.05, gt=0, lt=0.5, description="family-wise error rate over all pairs")
-    margin: float = Field(default=0.0, ge=0, lt=1, description="difference that a winner must exceed")
+    margin: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="difference that a winner must exceed; that equivalent arms must not reach",
+    )
     difference: float = Field(default=0.15, gt=0, le=1, description="true difference for `vsnbench study plan`")
     power: float = Field(default=0.8, gt=0, lt=1, description="desired power for `vsnbench study plan`")
     operators: tuple[str, ...] = Field(default=(), description="planned operators; others are reported as a deviation")
@@ -171,16 +211,28 @@ class StudyFile(BaseModel):
             for goal in arm.goals:
                 if goal in self.goals:
                     raise ValueError(f"arm {name}: {goal} is already a shared goal")
-        if isinstance(self.primary, Rate) and self.primary.arm not in self.arms:
+        if isinstance(self.primary, Rate | NonInferiority) and self.primary.arm not in self.arms:
             raise ValueError(f"primary: unknown arm {self.primary.arm}; known are {', '.join(self.arms)}")
         if self.stopping == "decided" and self.order != "blocks":
             raise ValueError("stopping: decided requires order: blocks, because it relies on their random order")
-        if self.stopping == "decided" and self.about is None:
+        if self.stopping == "plan" and (self.about, self.test, self.looks) != (None, None, None):
+            raise ValueError("about, test and looks require stopping: decided; a whole plan is analysed once")
+        if self.test == "bets" and self.about is None:
+            raise ValueError("test: bets requires about: these-cells or cells-like-these")
+        if self.test == "sign-flips" and self.about is not None:
+            raise ValueError("about: requires test: bets; sign flips are always about cells like these")
+        if self.looks is not None:
+            if self.about is not None:
+                raise ValueError("looks: require test: sign-flips; bets are evaluated after every unit")
+            if not self.looks or min(self.looks) < 2 or list(self.looks) != sorted(set(self.looks)):
+                raise ValueError("looks: must be increasing numbers of starting positions from 2, such as [8, 11, 15]")
+        if self.of_margin and not self.margin:
             raise ValueError(
-                "stopping: decided requires about: these-cells (this plan only, with fewer trials) or cells-like-these"
+                f"margin: must be above 0 for primary: {self.primary.kind}; give the largest difference that does not "
+                "matter, such as 0.15"
             )
-        if self.stopping == "plan" and self.about is not None:
-            raise ValueError("about: requires stopping: decided; the test of a whole plan is about cells like these")
+        if self.of_margin and self.about is not None:
+            raise ValueError(f"primary: {self.primary.kind} requires test: sign-flips or stopping: plan")
         return self
 
     @property
@@ -190,13 +242,26 @@ class StudyFile(BaseModel):
 
     @property
     def by_starting_position(self) -> bool:
-        """Whether the study is evaluated after every starting position and generalizes to others."""
-        return self.stopping == "decided" and self.about == "cells-like-these"
+        """Whether the study is evaluated while it runs, by whole starting positions, and generalizes to others."""
+        return self.stopping == "decided" and not self.of_these_cells
+
+    @property
+    def by_looks(self) -> bool:
+        """Whether the study is analysed at planned looks by sign flips.
+
+        Plans with `about` and without `test` are of versions that had only bets; they keep their rule.
+        """
+        return self.stopping == "decided" and self.about is None
 
     @property
     def of_progress(self) -> bool:
         """Whether the primary analysis compares progress instead of success."""
-        return isinstance(self.primary, Difference) and self.primary.metric == "progress"
+        return not isinstance(self.primary, Rate) and self.primary.metric == "progress"
+
+    @property
+    def of_margin(self) -> bool:
+        """Whether the primary analysis asks if arms are equally good up to the margin, instead of which is better."""
+        return isinstance(self.primary, Equivalence | NonInferiority)
 
     def goals_of(self, arm: str) -> tuple[str, ...]:
         """Return all goals of an arm, shared ones first."""

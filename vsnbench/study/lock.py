@@ -18,7 +18,7 @@ FROZEN = (
     *("starting_positions", "repetitions", "protocol", "order", "seed", "blind"),
 )
 """Fields that cannot be amended, because they define the experiment."""
-JUDGING = ("primary", "stopping", "about", "alpha", "margin")
+JUDGING = ("primary", "stopping", "about", "test", "looks", "spending", "alpha", "margin")
 """Fields of the analysis; a change after the first result is stated in the conclusion."""
 
 

@@ -8,21 +8,29 @@ equal, at Holm's strictest step, and therefore a lower bound.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import comb
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import as_share, capital
-from vsnbench.statistics.power import Design, Resemblance, common_parts, named_models
-from vsnbench.study.file import Rate, StudyFile
+from vsnbench.statistics.balanced import paired_intervals
+from vsnbench.statistics.clustered import MIN_UNITS
+from vsnbench.statistics.power import Design, Resemblance, common_parts, least, named_models
+from vsnbench.statistics.sequential.betting import as_share, capital
+from vsnbench.statistics.sequential.group_sequential import look_weights, sequential_signs
+from vsnbench.study.decision import arm_pairs
+from vsnbench.study.file import StudyFile
+from vsnbench.study.looks import confidence_of, looks_of
 from vsnbench.study.units import bet_fractions
 
 Floats = npt.NDArray[np.float64]
 DIFFERENCES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.30, 0.40)
 ASSUMED = Resemblance(start=0.1, cell=0.3, models=0.5, assumed=True)
 """Assumed correlations without data."""
+SAMPLES = 2000
+"""Simulated studies for each difference: a standard error of at most 1.1 points."""
+_FEW_SAMPLES = 600
+_MOST_STARTS = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +39,10 @@ class PlannedPower:
 
     difference: float
     power: float
-    """Share of simulated studies in which the primary test finds the better arm; NaN for equal arms."""
+    """Share of simulated studies in which the primary test finds the better arm; NaN for equal arms. For equivalence
+    and non-inferiority the share that shows it; NaN if the difference reaches the margin."""
     wrong: float
-    """Share in which it names the worse arm, or any arm if both are equal."""
+    """Share in which it names the worse arm, or any arm if both are equal; or shows what is not true."""
     blocks: float
     """Mean number of completed blocks of the shared goals."""
     decided_at: float | None
@@ -42,7 +51,7 @@ class PlannedPower:
 
 def pairs_of(study: StudyFile) -> int:
     """Return the number of comparisons of the primary analysis."""
-    return 1 if isinstance(study.primary, Rate) else comb(len(study.arms), 2)
+    return len(arm_pairs(study))
 
 
 def design_of_study(study: StudyFile, starts: int, rate: float) -> Design:
@@ -60,13 +69,18 @@ def design_of_study(study: StudyFile, starts: int, rate: float) -> Design:
 def planned_power(
     study: StudyFile, design: Design, differences: Sequence[float] = DIFFERENCES
 ) -> tuple[PlannedPower, ...]:
-    """Return the power of a design for several true differences, from 600 simulated studies each."""
+    """Return the power of a design for several true differences, from 2,000 simulated studies each."""
+    if study.by_looks or study.of_margin:
+        return tuple(_looked(study, design, difference) for difference in differences)
     if study.stopping == "decided":
         return tuple(_decided(study, design, difference) for difference in differences)
     blocks = design.starts * design.cells * design.trials
     return tuple(
         PlannedPower(
-            difference, *_shares(difference, *named_models(design, difference, margin=study.margin)), blocks, None
+            difference,
+            *_shares(difference, *named_models(design, difference, margin=study.margin, samples=SAMPLES)),
+            blocks,
+            None,
         )
         for difference in differences
     )
@@ -79,7 +93,7 @@ def _shares(difference: float, better: float, worse: float) -> tuple[float, floa
 
 def _decided(study: StudyFile, design: Design, difference: float) -> PlannedPower:
     random = np.random.default_rng(0)
-    arms = simulated_arms(random, design, difference, samples=600)
+    arms = simulated_arms(random, design, difference, samples=SAMPLES)
     by_start = study.by_starting_position
     values = random.permuted(unit_differences(arms, by_start=by_start), axis=1)
     found = decided_studies(values, design.level, study.margin, by_start=by_start)
@@ -91,6 +105,43 @@ def _decided(study: StudyFile, design: Design, difference: float) -> PlannedPowe
         float(found.units.mean()) * blocks_each,
         float(np.median(found.units[right])) if right.any() else None,
     )
+
+
+def _looked(study: StudyFile, design: Design, difference: float) -> PlannedPower:
+    looks = looks_of(study, design.starts)
+    found = _simulated(study, design, difference, looks, SAMPLES)
+    right = found.signs > 0
+    shown, blocks = float(right.mean()), float(found.units.mean()) * design.cells * design.trials
+    decided_at = float(np.median(found.units[right])) if right.any() and study.by_looks else None
+    if study.of_margin:
+        true = difference < study.margin
+        shares = (shown, 0.0) if true else (math.nan, shown)
+        return PlannedPower(difference, *shares, blocks, decided_at)
+    return PlannedPower(difference, *_shares(difference, shown, float((found.signs < 0).mean())), blocks, decided_at)
+
+
+def _simulated(
+    study: StudyFile, design: Design, difference: float, looks: Sequence[int], samples: int
+) -> "DecidedStudies":
+    """Simulate studies at looks; for non-inferiority the arm is worse by the difference."""
+    means = simulated_arms(np.random.default_rng(0), design, difference, samples).mean(-1)
+    if study.primary.kind == "non-inferiority":
+        means = means[::-1]
+    return looked_studies(study, means, design.trials, looks)
+
+
+def needed_starts(study: StudyFile, design: Design) -> int | None:
+    """Return the starting positions that a whole plan needs for its power, by simulation; None above 200.
+
+    The true difference is that of the plan, or 0 for equivalence and non-inferiority.
+    """
+    difference = 0.0 if study.of_margin else study.difference
+
+    def enough(starts: int) -> bool:
+        found = _simulated(study, replace(design, starts=starts), difference, (starts,), _FEW_SAMPLES)
+        return float((found.signs > 0).mean()) >= study.power
+
+    return least(enough, MIN_UNITS, _MOST_STARTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +188,53 @@ def decided_studies(
     inferred = over.any(1) & np.isfinite(np.maximum(above, below))
     signs = np.where(inferred, np.where(above >= below, 1, -1), 0)
     return DecidedStudies(signs.astype(np.int8), last + 1)
+
+
+def looked_studies(study: StudyFile, means: Floats, trials: int, looks: Sequence[int]) -> DecidedStudies:
+    """Simulate the rule of `vsnbench.study.looks` for two arms of complete starting positions.
+
+    Args:
+        study: the plan: its question, alpha over all pairs, margin and spending.
+        means: (2, samples, starts, cells) success rate or progress of both arms in each cell, in running order.
+        trials: trials of each arm in a cell.
+        looks: planned looks, the last after all starting positions.
+
+    Returns:
+        Signs: 1 if the first arm is better or what the study asks is shown, -1 if the second is better. Units: starting
+        positions that were run.
+    """
+    level, margin = study.alpha / pairs_of(study), study.margin
+    differences = (means[0] - means[1]).mean(2)
+    signs = _signs_at(study, differences, looks, level)
+    answer, units = np.zeros(len(differences), np.int8), np.full(len(differences), looks[-1])
+    for place, (look, weight) in enumerate(zip(looks, look_weights(looks, study.spending), strict=True)):
+        if look < MIN_UNITS:
+            continue
+        found = paired_intervals(means[0][:, :look], means[1][:, :look], trials, confidence_of(study, weight))
+        if study.of_margin:
+            within = (found.low > -margin) & ((found.high < margin) | (study.primary.kind == "non-inferiority"))
+            named = np.where(within & (signs[:, place] > 0), 1, 0)
+        else:
+            named = np.where((signs[:, place] > 0) & (found.low > margin), 1, 0)
+            named = np.where((signs[:, place] < 0) & (found.high < -margin), -1, named)
+        now = (answer == 0) & (named != 0)
+        answer[now], units[now] = named[now], look
+    return DecidedStudies(answer, units)
+
+
+def _signs_at(study: StudyFile, differences: Floats, looks: Sequence[int], level: float) -> npt.NDArray[np.int8]:
+    """Return (samples, looks) the answers of the tests alone."""
+    margin, spending = study.margin, study.spending
+    if study.of_margin:
+        above = sequential_signs(differences + margin, looks, level, spending) > 0
+        if study.primary.kind == "equivalence":
+            above &= sequential_signs(differences - margin, looks, level, spending) < 0
+        return above.astype(np.int8)
+    signs = sequential_signs(differences - margin, looks, level / 2, spending)
+    if not margin:
+        return signs
+    below = sequential_signs(differences + margin, looks, level / 2, spending) < 0
+    return np.where(signs > 0, 1, np.where(below, -1, 0)).astype(np.int8)
 
 
 def simulated_arms(random: np.random.Generator, design: Design, difference: float, samples: int) -> Floats:

@@ -1,69 +1,24 @@
-"""Sequential decisions of a study: results of each pair after every unit, dropped arms, and when to stop.
+"""Sequential decisions of a study: results of each pair, dropped arms, and when to stop.
 
-Each pair of arms (or an arm and its fixed rate) has an anytime-valid p-value (`vsnbench.statistics.betting`) from the
-independent units of the study (`vsnbench.study.units`). At every look the p-values are compared after Holm (1979): the
-smallest with alpha over the number of pairs, the next with alpha over one less, and so on. This controls the
-family-wise error over all looks: the probability that any of the k true hypotheses ever falls to alpha/k is at most
-alpha, and otherwise Holm rejects no true hypothesis at any look (Bartroff and Song 2014). A beaten arm is dropped; its
-pairs keep their results and still count among the pairs.
+Sign flips at planned looks are in `vsnbench.study.looks`. For bets, each pair of arms (or an arm and its rate) has an
+anytime-valid p-value (`vsnbench.statistics.sequential.betting`) from the independent units of the study
+(`vsnbench.study.units`). At every look the p-values are compared after Holm (1979): the smallest with alpha over the
+number of pairs, the next with alpha over one less, and so on. This controls the family-wise error over all looks: the
+probability that any of the k true hypotheses ever falls to alpha/k is at most alpha, and otherwise Holm rejects no true
+hypothesis at any look (Bartroff and Song 2014). A beaten arm is dropped; its pairs keep their results and still count
+among the pairs.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
-from vsnbench.statistics.betting import as_share, p_values, sequence
+from vsnbench.statistics.sequential.betting import as_share, p_values, sequence
+from vsnbench.study.decision import COMPLETE, DECIDED, HOPELESS, ArmQuestion, StoppingDecision, arm_pairs
 from vsnbench.study.file import Rate, StudyFile
+from vsnbench.study.looks import decide_at_looks, earliest_decision
 from vsnbench.study.units import Block, UnitRule, UnitSeries, unit_rule, unit_series
-
-
-@dataclass(frozen=True, slots=True)
-class ArmQuestion:
-    """One pair of arms, or an arm and a rate, with its current result."""
-
-    first: str
-    second: str | None
-    """None for a fixed rate."""
-    units: int
-    """Number of complete units, up to the first incomplete one."""
-    trials: int
-    """Trials of each arm in these units."""
-    cells: int
-    """Number of different cells of these blocks, without repetitions."""
-    successes: tuple[int, int]
-    """Successes in these blocks; the second is 0 for a fixed rate."""
-    means: tuple[float, float]
-    """Mean values of the metric over these blocks; the second is 0 for a fixed rate, both are NaN without units."""
-    difference: float
-    """Mean over the units of the first minus the second, or of the first's rate; NaN without units."""
-    low: float
-    high: float
-    """Confidence sequence, 1 - alpha for this question alone."""
-    p: float
-    """Two-sided p-value, valid at every look."""
-    winner: str | None
-    """Better arm after Holm over all questions; for a fixed rate the arm if its rate is above."""
-    decided: bool
-    decided_at: int | None
-    """Number of units at the decision."""
-    counted: bool
-    """The remaining plan cannot reverse the lead: decided by counting, without inference beyond these cells."""
-
-
-@dataclass(frozen=True, slots=True)
-class StoppingDecision:
-    """State of a study with `stopping: decided`."""
-
-    questions: tuple[ArmQuestion, ...]
-    dropped: Mapping[str, int]
-    """Beaten arm -> number of units when it was dropped."""
-    over: str
-    """Reason to stop, or an empty string."""
-    unit: str = ""
-    """Kind of unit: block or starting position."""
-    planned_units: int = 0
 
 
 @dataclass(slots=True)
@@ -97,8 +52,10 @@ def decide(study: StudyFile, blocks: Sequence[Block]) -> StoppingDecision:
         study: the plan.
         blocks: all planned blocks of the shared goals in the order of the schedule, with the available results.
     """
+    if study.by_looks:
+        return decide_at_looks(study, blocks)
     rule = unit_rule(study, blocks)
-    tests = [_sequential_test(study, pair, blocks, rule) for pair in _pairs(study)]
+    tests = [_sequential_test(study, pair, blocks, rule) for pair in arm_pairs(study)]
     longest = max((test.units for test in tests), default=0)
     dropped: dict[str, int] = {}
     found: dict[int, tuple[str | None, int]] = {}
@@ -126,20 +83,16 @@ def min_units(study: StudyFile, blocks: Sequence[Block]) -> int | None:
         study: the plan.
         blocks: all planned blocks of the shared goals; results are ignored.
     """
+    if study.by_looks:
+        return earliest_decision(study, blocks)
     rule = unit_rule(study, blocks)
-    _, second = _pairs(study)[0]
+    _, second = arm_pairs(study)[0]
     low, high = _bounds(study, second)
     above, _ = p_values(np.ones(rule.planned), high, rule.size, rule.fractions)
     _, below = p_values(np.zeros(rule.planned), low, rule.size, rule.fractions)
-    level = study.alpha / len(_pairs(study))
+    level = study.alpha / len(arm_pairs(study))
     enough = np.flatnonzero((2 * np.minimum(above, below) <= level) & (np.minimum(above, below) > 0))
     return int(enough[0]) + 1 if len(enough) else None
-
-
-def _pairs(study: StudyFile) -> list[tuple[str, str | None]]:
-    if isinstance(study.primary, Rate):
-        return [(study.primary.arm, None)]
-    return [(first, second) for first, second in combinations(study.arms, 2)]
 
 
 def _sequential_test(
@@ -229,12 +182,12 @@ def _stop_reason(
         if not question.decided and question.first not in dropped and question.second not in dropped
     ]
     if not still:
-        return "the primary analysis is decided"
+        return DECIDED
     if all(test.units == rule.planned for test in still):
-        return "every block is run"
+        return COMPLETE
     # Alpha is Holm's mildest threshold: what cannot fall to it whatever comes can never be decided.
     if all(_undecidable(study, test, rule) for test in still):
-        return "what is left could not change the answer"
+        return HOPELESS
     return ""
 
 

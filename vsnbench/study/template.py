@@ -35,11 +35,13 @@ seed: {seed}            # determines schedule, codes and trials
 blind: {blind}          # show codes until `vsnbench study unblind`
 
 primary: {{kind: difference}}   # in success, all pairs of arms; metric: progress for progress; or
-                              # {{kind: rate, arm: NAME, rate: 0.5}}
+                              # {{kind: rate, arm: NAME, rate: 0.5}}, {{kind: equivalence}} up to the margin, or
+                              # {{kind: non-inferiority, arm: NAME}}
 stopping: {stopping}          # plan: all trials; decided: until the primary analysis is decided
-{about}cells-like-these     # scope of decided; these-cells needs fewer trials but does not generalize
+{test}sign-flips       # rule of decided: exact tests of starting positions at the looks
+# looks: [8, 11, 15]    # complete positions at which decided is analysed; default: about half, 3/4 and all
 alpha: 0.05             # family-wise error rate over all pairs
-margin: 0.0             # difference that a winner must exceed
+margin: 0.0             # difference that a winner must exceed; of equivalence, the one not to be reached
 difference: 0.15        # true difference for `vsnbench study plan`
 power: 0.8              # desired power for `vsnbench study plan`
 
@@ -91,7 +93,7 @@ class StudyDraft:
             rehearsal="" if self.rehearse else "# ",
             blind=str(self.blind).lower(),
             stopping=self.stopping,
-            about="about: " if self.stopping == "decided" else "# about: ",
+            test="test: " if self.stopping == "decided" else "# test: ",
             operators=", ".join(_quoted(name) for name in self.operators),
         )
 

@@ -15,7 +15,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, PROGRESS_FRACTIONS, PROGRESS_MEAN_FRACTIONS, as_share
+from vsnbench.statistics.sequential.betting import (
+    FRACTIONS,
+    MEAN_FRACTIONS,
+    PROGRESS_FRACTIONS,
+    PROGRESS_MEAN_FRACTIONS,
+    as_share,
+)
 from vsnbench.study.file import StudyFile
 
 Floats = npt.NDArray[np.float64]

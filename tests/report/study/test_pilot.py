@@ -27,7 +27,7 @@ def lab(tmp_path: Path) -> Lab:
 DECIDED = {"stopping": "decided", "about": "these-cells"}
 
 
-@pytest.mark.parametrize("changes", [{}, DECIDED])
+@pytest.mark.parametrize("changes", [{}, DECIDED, {"stopping": "decided"}])
 def test_progress_saves_blocks_where_success_shows_nothing(lab: Lab, changes: dict[str, str]) -> None:
     study = small_study(primary={"metric": "progress"}, goals=["bed"], **changes)
     (pair,) = pilot_pairs(read(lab.url, Selection()), study, lab.site.sha256, starts=10)

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,6 +26,23 @@ def test_a_locked_study_keeps_the_order_in_which_its_blocks_were_drawn() -> None
 def test_a_study_with_too_few_starting_positions_is_refused() -> None:
     with pytest.raises(StudyError, match="6 starting positions are too few"):
         StudyPlace.of(small_study(**LIKE, starting_positions="1-6", repetitions=50), Path())
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"starting_positions": "1-5"}, "5 starting positions are too few"),
+        ({"starting_positions": "3"}, "1 starting position is too few"),
+        ({"starting_positions": "1-9", "looks": [6, 12]}, "looks: 12 is after the last of 9 starting positions"),
+        (
+            {"starting_positions": "3", "primary": {"kind": "equivalence"}, "margin": 0.2},
+            "even equal results of all trials would decide nothing",
+        ),
+    ],
+)
+def test_a_study_at_looks_that_can_decide_nothing_is_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        StudyPlace.of(small_study(stopping="decided", **changes), Path())
 
 
 def test_a_locked_study_with_too_few_positions_can_be_read() -> None:

@@ -91,11 +91,17 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
     from vsnbench.results.studies.entries import AMEND
     from vsnbench.results.studies.queries import trials_of
     from vsnbench.results.writing.recovery import lost_episodes
+    from vsnbench.study.decision import StoppingDecision
+    from vsnbench.study.stopping import decide
+    from vsnbench.study.units import shared_blocks
 
     study = open_study(file, results, db)
     recorded = study.recorded
     with open_record(study.results.database_url) as engine:
         trials, lost = trials_of(engine, recorded.id), lost_episodes(engine)
+    decision = StoppingDecision((), {}, "")
+    if study.plan.by_looks:
+        decision = decide(study.plan, shared_blocks(trials, study.plan.goals))
     amendments = sum(entry.kind == AMEND for entry in recorded.entries)
     arms = []
     for arm in recorded.arms:
@@ -108,7 +114,8 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
         identity = {"study": recorded.title, "locked_at": recorded.locked_at, "locked_sha256": recorded.locked_sha256}
         state = {"sha256": recorded.sha256, "amendments": amendments, "blind": recorded.is_blind}
         found = {"differences": study.integrity.differences, "remarks": study.integrity.remarks}
-        print_json({**identity, **state, "changed": study.changed or None, **found, "arms": arms})
+        looks = {"looks": decision.looks, "looked": decision.looked}
+        print_json({**identity, **state, "changed": study.changed or None, **found, **looks, "arms": arms})
         return
     typer.echo(f"study     {safe(recorded.title)}")
     typer.echo(f"locked    {recorded.locked_at:%Y-%m-%d %H:%M} UTC, sha256 {recorded.locked_sha256[:16]}")
@@ -118,6 +125,10 @@ def status(file: File = DEFAULT_FILE, results: Results = None, db: Database = No
     typer.echo(f"blind     {blind}")
     done, voids = sum(trial.done for trial in trials), sum(trial.voids for trial in trials)
     typer.echo(f"trials    {done} of {len(trials)} done, {voids} void attempts")
+    if decision.looks:
+        done_looks = ", ".join(str(look) for look in decision.looked) or "none yet"
+        planned = ", ".join(str(look) for look in decision.looks)
+        typer.echo(f"looks     {done_looks}; planned after {planned} starting positions")
     if interrupted := sum(trial.episode_id in lost for trial in trials):
         typer.echo(f"lost      {interrupted} to a process that died; the next `vsnbench study run` repeats them")
     numbers = (Column(heading) for heading in ("done", "left", "running", "void attempts"))

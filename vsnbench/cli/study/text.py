@@ -12,7 +12,17 @@ from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import LockedArm
 from vsnbench.results.studies.queries import trial_duration_s
 from vsnbench.runner.study.arms import StudyPlace
-from vsnbench.study.power import DIFFERENCES, PlannedPower, design_of_study, pairs_of, planned_power
+from vsnbench.study.file import StudyFile
+from vsnbench.study.looks import looks_of
+from vsnbench.study.power import (
+    DIFFERENCES,
+    SAMPLES,
+    PlannedPower,
+    design_of_study,
+    needed_starts,
+    pairs_of,
+    planned_power,
+)
 from vsnbench.study.stopping import min_units
 from vsnbench.study.units import unit_rule
 from vsnbench.text.sanitize import counted, duration_text
@@ -59,7 +69,12 @@ def warnings_of(place: StudyPlace) -> Iterator[str]:
     if study.stopping == "decided" and study.of_these_cells:
         yield (
             "about: these-cells says which arm succeeded more often in this plan's trials, not which model is better: "
-            "of equal models with random outcomes it names one in about half of the studies; cells-like-these does not"
+            "of equal models with random outcomes it names one in about half of the studies; test: sign-flips does not"
+        )
+    elif study.about is not None:
+        yield (
+            "test: bets about cells-like-these finds fewer differences than test: sign-flips with the same positions; "
+            "use it only to continue an earlier plan"
         )
 
 
@@ -67,7 +82,13 @@ def powers_of(place: StudyPlace, rate: float) -> Sequence[PlannedPower]:
     """Return the power of a design for several true differences."""
     study = place.study
     starts = len({trial.start for trial in place.schedule.trials})
-    return planned_power(study, design_of_study(study, starts, rate), tuple(sorted({*DIFFERENCES, study.difference})))
+    differences = {*DIFFERENCES, study.difference} if not study.of_margin else _around(study.margin)
+    return planned_power(study, design_of_study(study, starts, rate), tuple(sorted(differences)))
+
+
+def _around(margin: float) -> set[float]:
+    """Return the true differences for which the power of equivalence and non-inferiority is shown."""
+    return {0.0, margin / 2, margin, min(1.0, 1.5 * margin)}
 
 
 def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) -> ReportTable:
@@ -78,22 +99,28 @@ def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) 
     size = f"{counted(starts, 'starting position')}, {goals}, {repetitions}"
     level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
     notes = [
-        f"{size}; mean rate {rate:.0%}; {level}. Each line is from hundreds of simulated studies.",
+        f"{size}; mean rate {rate:.0%}; {level}. Each line is from {SAMPLES:,} simulated studies.",
         "Assumed: cells differ in difficulty (correlation 0.3; 0.1 across goals), half of it shared by both models.",
     ]
     if study.of_progress:
         notes.append("The power is that of success alone; the primary analysis is of progress.")
-    if study.margin:
+    if study.of_margin:
+        notes += _margin_notes(study)
+    elif study.margin:
         notes.append(f"A difference counts if it is larger than the margin of {study.margin:.0%}.")
+    assumed = 0.0 if study.of_margin else study.difference
     smallest = next((power.difference for power in powers if power.power >= study.power), None)
-    planned = next(power for power in powers if power.difference == study.difference)
+    planned = next(power for power in powers if power.difference == assumed)
     if study.stopping == "decided":
         notes += _stopping_notes(place, planned)
     if planned.power < study.power:
         detectable = f" The smallest difference with this power is {smallest:.0%}." if smallest else ""
+        needed = needed_starts(study, design_of_study(study, starts, rate)) if not study.about else None
+        if needed:
+            detectable += f" A whole plan needs about {needed} starting positions for it."
         remedy = "more starting positions" if study.by_starting_position else "more positions or repetitions"
         notes.append(
-            f"The power for the difference of {study.difference:.0%} is {planned.power:.0%}, less than the "
+            f"The power for the difference of {assumed:.0%} is {planned.power:.0%}, less than the "
             f"{study.power:.0%} of the plan.{detectable} Use {remedy}."
         )
     if study.of_these_cells:
@@ -104,6 +131,18 @@ def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) 
     if fault := place.design_error:
         notes.append(f"This design cannot show a difference: {fault}.")
     return POWER.table("power", "Power of this design", powers, notes=tuple(notes))
+
+
+def _margin_notes(study: StudyFile) -> Iterator[str]:
+    """Yield what the lines mean for equivalence and non-inferiority."""
+    points = f"{100 * study.margin:g} points"
+    if study.primary.kind == "equivalence":
+        yield f"Power: studies that show a difference below {points}. Wrong: the same where the difference reaches it."
+    else:
+        yield (
+            f"The true difference is how much worse the arm is. Power: studies that show less than {points}. Wrong: "
+            "the same where the difference reaches it."
+        )
 
 
 _POWER_NOTE = "Share of studies that name the better arm."
@@ -162,12 +201,16 @@ def _stopping_notes(place: StudyPlace, planned: PlannedPower) -> Iterator[str]:
         planned: power at the difference of the plan.
     """
     study, rule = place.study, unit_rule(place.study, place.shared_blocks)
+    assumed = 0.0 if study.of_margin else study.difference
     fewest = min_units(study, place.shared_blocks)
     earliest = f"not before {counted(fewest, rule.name)} of {rule.planned}" if fewest else "by no test"
     typical = f"typically after {planned.decided_at:.0f}" if planned.decided_at is not None else "rarely before the end"
+    when = f"every {rule.name}"
+    if study.by_looks:
+        when = f"{', '.join(str(look) for look in looks_of(study, rule.planned))} complete starting positions"
     yield (
-        f"Analysed after every {rule.name}: decided {earliest}, even if one arm always wins, and "
-        f"{typical} for a true difference of {study.difference:.0%}."
+        f"Analysed after {when}: decided {earliest}, even with the clearest results, and {typical} for a true "
+        f"difference of {assumed:.0%}."
     )
     if study.by_starting_position:
         yield (

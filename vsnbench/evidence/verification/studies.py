@@ -13,9 +13,10 @@ from vsnbench.results.studies.entries import OVER, RecordedStudy, StudyTrialProg
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies, trials_of
 from vsnbench.runner.study.integrity import check_integrity
+from vsnbench.study.decision import StoppingDecision
 from vsnbench.study.file import StudyFile, parse_study
 from vsnbench.study.lock import LockNote
-from vsnbench.study.stopping import StoppingDecision, decide
+from vsnbench.study.stopping import decide
 from vsnbench.study.units import shared_blocks
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from vsnbench.report.study.primary import Primary, PrimaryAnswer
 from vsnbench.report.wording import caution, compared, interval_words, trial_count
+from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate, StudyFile
 from vsnbench.text.sanitize import counted
@@ -35,9 +36,12 @@ def conclusion(study: StudyFile, primary: Primary, shown: Mapping[str, str], cha
         done = f"{least.trials} of {trial_count(primary.trials, primary.cells)}"
         if study.by_starting_position:
             done = f"{least.units} of {counted(primary.planned_units, primary.unit)}"
+        if study.by_looks:
+            coming = next((look for look in primary.looks if look > least.units), primary.planned_units)
+            done = f"the next look is after {coming} of {counted(primary.planned_units, primary.unit)}"
         about = f"about {waiting} of the pairs " if sentences else ""
-        both = " by both" if study.primary.kind == "difference" else ""
-        sentences.append(f"no conclusion {about}yet: {done} are done{both}")
+        both = "" if study.by_looks else " are done" if study.primary.kind == "rate" else " are done by both"
+        sentences.append(f"no conclusion {about}yet: {done}{both}")
     if study.of_these_cells and any(answer.winner or answer.loser for answer in primary.answers):
         sentences.append(ONLY_THESE)
     words = "; ".join(sentences)
@@ -61,6 +65,8 @@ def _sentence(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str],
         if answer.loser:
             return f"{text} {where}, less than {rate:.0%}"
         return f"{text} {where}: neither above nor below {rate:.0%} was shown"
+    if study.of_margin:
+        return _of_margin(study, answer, shown, f"{k} and {m} of {tried}", where)
     if answer.means is not None:
         return _of_progress(study, answer, shown, f"{k} against {m} of {tried}", where)
     if answer.winner:
@@ -79,6 +85,20 @@ def _sentence(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str],
         f"no difference was shown between {named} {where} ({seen}{_doubt(study, answer)}); "
         "this does not show that they are equal"
     )
+
+
+def _of_margin(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str], successes: str, where: str) -> str:
+    """Return the answer of equivalence or non-inferiority; it never says more than the margin allows."""
+    first, second = shown[answer.first], shown[answer.second or ""]
+    points, what = f"{100 * study.margin:g} points", "progress" if study.of_progress else "success"
+    seen = f"{100 * answer.difference:+.0f} points {interval_words(Interval(answer.low, answer.high))}; {successes}"
+    if answer.conclusion is Conclusion.EQUIVALENT:
+        return f"{first} and {second} differ by less than {points} in {what} {where} ({seen})"
+    if answer.conclusion is Conclusion.NOT_INFERIOR:
+        return f"{first} is at most {points} worse than {second} in {what} {where} ({seen})"
+    if study.primary.kind == "equivalence":
+        return f"it was not shown that {first} and {second} differ by less than {points} in {what} {where} ({seen})"
+    return f"it was not shown that {first} is at most {points} worse than {second} in {what} {where} ({seen})"
 
 
 def _of_progress(study: StudyFile, answer: PrimaryAnswer, shown: Mapping[str, str], successes: str, where: str) -> str:

@@ -69,10 +69,13 @@ def _arm(key: str, meaning: str, null: str = "") -> Measure:
 
 _Answer = tuple[StudyFindings, PrimaryAnswer]
 _DIFFERENCE = "first minus second, in `metric`; for a fixed rate the first rate"
-_P, _DECIDED = "two-sided p-value after correction", "where the interval or a count decides"
+_P, _DECIDED = "p-value of the question after correction", "where the interval or a count decides"
 _COUNTED = "the remaining trials cannot reverse the lead, and no test decided"
 _UNITS = "complete blocks or starting positions that were evaluated; 0 for `stopping: plan`"
-_WORDS = "`first better`, `second better`, `test only`, `interval only`, `not shown` or `incomplete`"
+_WORDS = (
+    "`first better`, `second better`, `equivalent`, `not inferior`, `test only`, `interval only`, `not shown` or "
+    "`incomplete`"
+)
 _ANSWER = Measures(
     _arm("first", "name of the first arm, or its code"),
     _arm("second", "name of the second arm, or its code", "for a fixed rate"),
@@ -109,6 +112,8 @@ _PRIMARY = Measures(
         Measure("cells", COUNT, "planned cells of the shared goals, without repetitions"),
         Measure("trials_per_arm", COUNT, "planned trials of each arm in these cells", "trials"),
         Measure("over", TEXT, _OVER),
+        Measure("looks", NUMBERS, "planned looks, in complete starting positions; empty for other rules"),
+        Measure("looked", NUMBERS, "looks that took place"),
     ).within("primary"),
     Measure("dropped", COUNTS, _DROPPED, _dropped),
     Measure(

@@ -14,7 +14,8 @@ from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.measures import COUNT, NUMBER, TEXT, Form, Measure, Measures, an_object, decimals, percents
 from vsnbench.report.table import ReportTable
 from vsnbench.study.file import StudyFile
-from vsnbench.study.power import decided_studies, pairs_of, unit_differences
+from vsnbench.study.looks import looks_of
+from vsnbench.study.power import decided_studies, looked_studies, pairs_of, unit_differences
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,6 +114,12 @@ def _costs(study: StudyFile, cells: list[list[_Cell]], starts: int) -> Iterator[
         if arms is None:
             blocks = _needed_starts(study, by_start) * len(study.goals) * study.repetitions
             yield MetricCost(metric, difference, None, blocks)
+            continue
+        if study.by_looks:
+            looked = looked_studies(study, arms[..., column].mean(-1), study.repetitions, looks_of(study, starts))
+            right = looked.signs > 0 if study.of_margin else looked.signs == np.sign(difference)
+            per_start = arms.shape[3] * arms.shape[4]
+            yield MetricCost(metric, difference, float(right.mean()), float(looked.units.mean()) * per_start)
             continue
         of_starts = study.by_starting_position
         units = unit_differences(arms[..., column], by_start=of_starts)

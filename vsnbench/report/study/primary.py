@@ -3,17 +3,18 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any
 
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
-from vsnbench.statistics.multiple import holm, simultaneous
+from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
 from vsnbench.statistics.rates import Interval
+from vsnbench.study.decision import ArmQuestion, arm_pairs
 from vsnbench.study.file import Rate, StudyFile
-from vsnbench.study.stopping import ArmQuestion, decide
+from vsnbench.study.looks import conclusion_of, confidence_of, margin_p
+from vsnbench.study.stopping import decide
 from vsnbench.study.units import shared_blocks
 
 
@@ -34,14 +35,14 @@ class PrimaryAnswer:
     low: float
     high: float
     p: float | None
-    """Two-sided, adjusted for all pairs. None for a fixed rate in a whole plan, which the interval decides, and for a
-    lead that was counted instead of tested."""
+    """Adjusted for all pairs; two-sided, or that of equivalence or non-inferiority. None for a fixed rate that the
+    interval decides, and for a lead that was counted instead of tested."""
     counted: bool = False
     """The remaining trials cannot reverse the lead, and no test was decided."""
     open: bool = False
     """No conclusion is possible yet."""
     units: int = 0
-    """Complete units (blocks or starting positions) evaluated by `decided`; 0 for a whole plan."""
+    """Complete units (blocks or starting positions) analysed by `decided`; 0 for a whole plan."""
     conclusion: Conclusion = Conclusion.NOT_SHOWN
     """Conclusion of `vsnbench.statistics.conclusion`."""
     metric: str = "success"
@@ -78,6 +79,10 @@ class Primary:
     unit: str = ""
     """Unit of `dropped`: block or starting position."""
     planned_units: int = 0
+    looks: tuple[int, ...] = ()
+    """Planned looks of sign flips."""
+    looked: tuple[int, ...] = ()
+    """Looks that took place."""
 
 
 _Value = Callable[[StudyTrialProgress], float | None]
@@ -102,8 +107,15 @@ def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
     )
     cells, trials = _planned(shared)
     of = "progress: " if study.of_progress else ""
+    method = f"{of}betting confidence sequence {replacement} replacement, at {what}; Holm over all pairs"
+    if study.by_looks:
+        looks = ", ".join(str(look) for look in decision.looks)
+        test = "success rate with repeated intervals" if isinstance(study.primary, Rate) else _tested(study)
+        method = (
+            f"{test}, at {looks} starting positions with alpha spent as the {study.spending:g}th power of their share"
+        )
     return Primary(
-        method=f"{of}betting confidence sequence {replacement} replacement, at {what}; Holm over all pairs",
+        method=method,
         about=THESE if study.of_these_cells else LIKE_THESE,
         answers=tuple(answers),
         cells=cells,
@@ -112,15 +124,19 @@ def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
         dropped=decision.dropped,
         unit=decision.unit,
         planned_units=decision.planned_units,
+        looks=decision.looks,
+        looked=decision.looked,
     )
 
 
 def _of_question(study: StudyFile, asked: ArmQuestion, *, over: bool) -> PrimaryAnswer:
-    """Return the answer to a question of the betting sequences; a lead that was only counted names no winner."""
+    """Return the answer to a question at its newest look; a lead that was only counted names no winner."""
     rate = study.primary.rate if isinstance(study.primary, Rate) else 0.0
     p = 0.0 if asked.decided and not asked.counted else 1.0  # Holm's decision at an earlier look
     interval = Interval(asked.low - rate, asked.high - rate)
     found = conclude(DifferenceEvidence(asked.difference - rate, interval, p, study.alpha, study.margin))
+    if study.by_looks:
+        found = asked.conclusion or Conclusion.INCOMPLETE
     return PrimaryAnswer(
         first=asked.first,
         second=asked.second,
@@ -152,18 +168,35 @@ def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Prima
         answers = [_against_rate(study, study.primary, shared, complete=complete)]
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
-    pairs = list(combinations(study.arms, 2))
-    found = [_compared(study, shared, pair, simultaneous(len(pairs), study.alpha)) for pair in pairs]
+    pairs = [(first, second) for first, second in arm_pairs(study) if second is not None]
+    found = [_compared(study, shared, pair) for pair in pairs]
     adjusted = holm([compared_pair.p for compared_pair in found])
     answers = [
         _of_pair(study, pair, replace(compared_pair, p=p), complete=complete)
         for pair, compared_pair, p in zip(pairs, found, adjusted, strict=True)
     ]
-    method = (
-        f"paired difference of {'progress' if study.of_progress else 'success'}; sign-flip test over starting "
-        f"positions, and the interval must exclude {'the margin' if study.margin else '0'}; Holm over all pairs"
+    return Primary(_tested(study), LIKE_THESE, tuple(answers), cells, trials, "", {})
+
+
+def _tested(study: StudyFile) -> str:
+    """Return the name of the test and of the rule that answers the question."""
+    metric = "progress" if study.of_progress else "success"
+    if study.of_margin:
+        tests = "two one-sided sign-flip tests" if study.primary.kind == "equivalence" else "one-sided sign-flip test"
+        return (
+            f"paired difference of {metric}; {tests} over starting positions against the margin, and the "
+            f"{1 - 2 * study.alpha:.0%} interval must lie within it; Holm over all pairs"
+        )
+    return (
+        f"paired difference of {metric}; sign-flip test over starting positions, and the interval must exclude "
+        f"{'the margin' if study.margin else '0'}; Holm over all pairs"
     )
-    return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
+
+
+def _margin_p(study: StudyFile, values: PairedOutcomes) -> float:
+    """Return the p-value of equivalence or non-inferiority of a whole plan."""
+    found = margin_p(study, values, (values.first.clusters,)) if values.cells else ()
+    return found[-1] if found else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,12 +210,11 @@ class _Compared:
     means: tuple[float, float]
 
 
-def _compared(
-    study: StudyFile, shared: Sequence[StudyTrialProgress], pair: tuple[str, str], confidence: float
-) -> _Compared:
+def _compared(study: StudyFile, shared: Sequence[StudyTrialProgress], pair: tuple[str, str]) -> _Compared:
     outcomes = _paired(shared, pair, lambda trial: trial.success)
     values = _paired(shared, pair, lambda trial: trial.progress) if study.of_progress else outcomes
-    interval, p = paired_interval(values, confidence), paired_test(values)
+    interval = paired_interval(values, confidence_of(study))
+    p = _margin_p(study, values) if study.of_margin else paired_test(values)
     means = [float(arrays(side.cells)[1].mean()) if side.cells else math.nan for side in (values.first, values.second)]
     return _Compared(outcomes, values.difference, interval, p, (means[0], means[1]))
 
@@ -195,7 +227,8 @@ def _metric(study: StudyFile, means: tuple[float, float]) -> dict[str, Any]:
 def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, complete: bool) -> PrimaryAnswer:
     first, second = pair
     outcomes, interval = seen.outcomes, seen.interval
-    found = conclude(DifferenceEvidence(seen.difference, interval, seen.p, study.alpha, study.margin, complete))
+    evidence = DifferenceEvidence(seen.difference, interval, seen.p, study.alpha, study.margin, complete)
+    found = conclusion_of(study, evidence)
     return PrimaryAnswer(
         first=first,
         second=second,

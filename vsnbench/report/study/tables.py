@@ -11,6 +11,7 @@ from vsnbench.report.table import UNKNOWN, Column, ReportTable, Row, TableCell, 
 from vsnbench.report.wording import compared
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import MIN_UNITS
+from vsnbench.statistics.conclusion import Conclusion
 from vsnbench.statistics.drift import Trend, trend
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.file import Rate
@@ -38,7 +39,7 @@ def _primary(found: StudyFindings) -> ReportTable:
         Column("successes"),
         Column("rate" if versus else "progress, points" if found.plan.of_progress else "difference"),
         Column("interval"),
-        Column("p", note="two-sided, adjusted for all pairs"),
+        Column("p", note=f"{'of the question' if found.plan.of_margin else 'two-sided'}, adjusted for all pairs"),
     )
     rows = tuple(_answer_row(found, answer) for answer in found.primary.answers)
     notes = [
@@ -47,6 +48,10 @@ def _primary(found: StudyFindings) -> ReportTable:
     ]
     if any(answer.cells and not Interval(answer.low, answer.high).known for answer in found.primary.answers):
         notes.append(f"An interval needs {MIN_UNITS} starting positions; no test of fewer can show a difference.")
+    if found.primary.looks:
+        looked = ", ".join(str(look) for look in found.primary.looked) or "none yet"
+        planned = ", ".join(str(look) for look in found.primary.looks)
+        notes.append(f"Looks after complete starting positions: {looked}; planned {planned}.")
     if found.primary.over:
         notes.append(f"The study is over: {found.primary.over}.")
     for arm, block in found.primary.dropped.items():
@@ -73,6 +78,8 @@ def _answer_row(found: StudyFindings, result: PrimaryAnswer) -> Row:
         better = "more progress" if result.means else "ahead" if found.plan.of_these_cells else "better"
         undecided = "counted only" if result.counted else "not shown"
         answer = f"{shown[result.winner]} {better}" if result.winner else undecided
+        if result.conclusion in (Conclusion.EQUIVALENT, Conclusion.NOT_INFERIOR):
+            answer = f"{result.conclusion.value} within {100 * found.plan.margin:g} points"
     sign = "" if result.second is None else "+"
     return row(
         question,
@@ -107,6 +114,7 @@ def _plan(found: StudyFindings) -> ReportTable:
         ("repetitions", str(plan.repetitions)),
         ("site, robot", ", ".join([plan.site, plan.robot, *environment])),
         ("stopping", plan.stopping),
+        *([("test", "sign-flips" if plan.by_looks else "bets")] if plan.stopping == "decided" else []),
         ("blind", "yes" if recorded.is_blind else "no longer" if recorded.blind else "no"),
     ]
     columns = (Column("field", number=False), Column("value", number=False))

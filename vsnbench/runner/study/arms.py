@@ -32,7 +32,7 @@ from vsnbench.sites.site import Site, embedded_sites, load_site
 from vsnbench.study.design import design_error
 from vsnbench.study.file import StudyFile
 from vsnbench.study.schedule import Schedule, draw_schedule, schedules_of
-from vsnbench.study.stopping import decide
+from vsnbench.study.stopping import decide, min_units
 from vsnbench.study.units import Block
 from vsnbench.text.sanitize import counted
 
@@ -213,19 +213,24 @@ def _check_can_be_decided(study: StudyFile, schedule: Schedule) -> None:
     """Refuse a study that is too small for a decision.
 
     Raises:
-        StudyError: even an arm that wins every block would not differ significantly.
+        StudyError: even the clearest outcome would decide nothing, or a look comes after the last starting position.
     """
     if study.stopping != "decided":
         return
-    decision = decide(study, _shared_blocks(study, schedule))
-    if decision.over:
+    blocks = _shared_blocks(study, schedule)
+    decision = decide(study, blocks)
+    if decision.over or (study.by_looks and min_units(study, blocks) is None):
         more = "starting_positions" if study.by_starting_position else "goals, starting_positions or repetitions"
         raise StudyError(
-            f"stopping: {counted(decision.planned_units, decision.unit)} are too few: even an arm that wins all of "
-            "them would not differ significantly",
+            f"stopping: {counted(decision.planned_units, decision.unit)} "
+            f"{'is' if decision.planned_units == 1 else 'are'} too few: even {_clearest(study)} would decide nothing",
             advice=f"plan more {more}, or set stopping: plan",
             code="too-few-units",
         )
+
+
+def _clearest(study: StudyFile) -> str:
+    return "equal results of all trials" if study.primary.kind == "equivalence" else "an arm that wins all of them"
 
 
 def _site_name(study: StudyFile, directory: Path) -> str:

@@ -13,7 +13,8 @@ from vsnbench.runner.loop.contract import EpisodeEnded, SessionResult, TrialSour
 from vsnbench.runner.loop.follow_up import FollowUp, FollowUpRules
 from vsnbench.runner.operator.contract import Operator, SessionEndedError
 from vsnbench.runner.study.arms import StudyPlace
-from vsnbench.study.stopping import StoppingDecision, decide
+from vsnbench.study.decision import StoppingDecision
+from vsnbench.study.stopping import decide
 from vsnbench.study.units import shared_blocks
 
 logger = logging.getLogger(__name__)

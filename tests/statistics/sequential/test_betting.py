@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from vsnbench.statistics.betting import FRACTIONS, MEAN_FRACTIONS, as_share, capital, p_values, sequence
+from vsnbench.statistics.sequential.betting import FRACTIONS, MEAN_FRACTIONS, as_share, capital, p_values, sequence
 
 PLANS = [
     pytest.param(values, id="".join(str(round(2 * value)) for value in values))

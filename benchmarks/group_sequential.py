@@ -1,0 +1,263 @@
+"""Simulates studies that are analysed at a few looks by sign flips: errors, coverage, power, mean number of positions.
+
+    python benchmarks/group_sequential.py                   2,000 studies a line: minutes on one core
+    python benchmarks/group_sequential.py --studies 200     fewer studies, for a quick check
+    python benchmarks/group_sequential.py --only equivalence --write
+
+Success probabilities are logit-normal by starting position, model and cell, as in `study_errors.py`; 5 goals. The
+decisions are those of the package: `vsnbench.study.power.looked_studies` (a test checks it against
+`vsnbench.study.looks`), `decided_studies` for bets about cells like these, and sign flips with the interval for a
+complete plan of the same trials. Each value is a percentage of studies unless stated; several values in a cell are
+those at 1, 2 and 5 repetitions. "Inverted" is the coverage of intervals from inverting the sign-flip test at the same
+looks.
+The outcomes of table `different arms` are written as arrays into the folder of VSNBENCH_BENCHMARK_DATA, if it is set.
+"""
+
+import itertools
+import os
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from study_errors import ALPHA, Arms, chances, simulated
+
+from benchmarks.support.simulated_tables import Table, print_tables
+from tests.study.studies import small_study
+from vsnbench.statistics.balanced import paired_intervals
+from vsnbench.statistics.power import Design
+from vsnbench.statistics.sequential.group_sequential import look_weights, sequential_signs
+from vsnbench.study.file import StudyFile
+from vsnbench.study.looks import looks_of
+from vsnbench.study.power import (
+    ASSUMED,
+    DecidedStudies,
+    decided_studies,
+    looked_studies,
+    planned_power,
+    simulated_arms,
+    unit_differences,
+)
+
+Floats = npt.NDArray[np.float64]
+RESULT = Path(__file__).resolve().parent / "results" / "2026-11-28-group-sequential.md"
+REPETITIONS = (1, 2, 5)
+GOALS = ("bed", "chair", "sofa", "toilet", "monitor")
+
+
+def study_of(arms: int = 2, *, decided: bool = True, **changes: Any) -> StudyFile:
+    """Return a study of the simulated design."""
+    names = [f"m{number}" for number in range(arms)]
+    stopping = "decided" if decided else "plan"
+    models = {name: {"model": f"lab:{name}"} for name in names}
+    return small_study(arms=models, goals=list(GOALS), stopping=stopping, **changes)
+
+
+def covered_at_end(study: StudyFile, means: Floats, repetitions: int, ended: DecidedStudies, truth: float) -> Floats:
+    """Return the coverage of the interval at the end of each study, and of one by inverting sign flips: (2,)."""
+    looks = looks_of(study, means.shape[2])
+    tested = sequential_signs((means[0] - means[1]).mean(2) - truth, looks, ALPHA / 2, study.spending)
+    inside, inverted = np.zeros(len(ended.units), bool), np.zeros(len(ended.units), bool)
+    for place, (look, weight) in enumerate(zip(looks, look_weights(looks, study.spending), strict=True)):
+        found = paired_intervals(means[0][:, :look], means[1][:, :look], repetitions, 1 - ALPHA * weight)
+        here = ended.units == look
+        inside |= here & (found.low <= truth + 1e-9) & (found.high >= truth - 1e-9)
+        inverted |= here & (tested[:, place] == 0)
+    return np.array([inside.mean(), inverted.mean()])
+
+
+def rules(studies: int, arms: Arms, repetitions: int, starts: int) -> dict[str, Any]:
+    """Simulate a design of two arms and return its ends by rule, and the coverage."""
+    seed = [repetitions, starts, round(100 * arms.first), round(100 * arms.second), round(10 * arms.strength)]
+    outcomes = simulated(np.random.default_rng([*seed, int(arms.skewed)]), studies, arms, repetitions, starts)
+    means, study = outcomes.mean(-1), study_of()
+    looked = looked_studies(study, means, repetitions, looks_of(study, starts))
+    whole = looked_studies(study_of(decided=False), means, repetitions, (starts,))
+    bets = decided_studies(unit_differences(outcomes, by_start=True), ALPHA, 0.0, by_start=True)
+    covered = covered_at_end(study, means, repetitions, looked, arms.first - arms.second)
+    return {"outcomes": outcomes, "looks": looked, "bets": bets, "plan": whole, "covered": covered}
+
+
+def joined(values: list[float], places: int = 1) -> str:
+    """Return values of 1, 2 and 5 repetitions in one table cell."""
+    return " ".join(f"{value:.{places}f}" for value in values)
+
+
+def equal_line(studies: int, starts: int, skewed: bool, strength: float, rate: float) -> str:
+    """Return a line of the table `equal arms`."""
+    found = [rules(studies, Arms(rate, rate, strength, skewed), count, starts) for count in REPETITIONS]
+    false = {
+        rule: joined([100 * float(np.mean(each[rule].signs != 0)) for each in found])
+        for rule in ("looks", "bets", "plan")
+    }
+    covered = [joined([100 * float(each["covered"][place]) for each in found]) for place in (0, 1)]
+    kind = "B the same everywhere" if skewed else "both by position"
+    return (
+        f"| {starts} | {kind} | {strength:g} | {rate} | {false['looks']} | {false['bets']} | {false['plan']} "
+        f"| {covered[0]} | {covered[1]} |"
+    )
+
+
+def different_line(studies: int, starts: int, repetitions: int, strength: float, gap: float) -> str:
+    """Return a line of the table `different arms`; only correct decisions count."""
+    arms = Arms(0.5 + gap / 2, 0.5 - gap / 2, strength)
+    found = rules(studies, arms, repetitions, starts)
+    if folder := os.environ.get("VSNBENCH_BENCHMARK_DATA"):
+        name = f"{starts}-{repetitions}-{strength:g}-{gap:g}.npy"
+        np.save(Path(folder) / name, found["outcomes"].astype(np.int8))
+    power = {rule: 100 * float(np.mean(found[rule].signs > 0)) for rule in ("looks", "bets", "plan")}
+    run = {rule: float(found[rule].units.mean()) for rule in ("looks", "bets")}
+    return (
+        f"| {starts} | {repetitions} | {strength:g} | {100 * gap:.0f} | {power['looks']:.0f} | {run['looks']:.1f} "
+        f"| {power['bets']:.0f} | {run['bets']:.1f} | {power['plan']:.0f} | {100 * found['covered'][0]:.1f} |"
+    )
+
+
+def several_line(studies: int, arms: int, starts: int, rate: float, strength: float, repetitions: int) -> str:
+    """Return a line of the table `several arms`: all equal, and one better by 30 points."""
+    study = study_of(arms)
+    looks = looks_of(study, starts)
+    pairs = list(itertools.combinations(range(arms), 2))
+    named: list[Floats] = []
+    for lead in (0.0, 0.3):
+        random = np.random.default_rng(
+            [arms, starts, round(100 * rate), round(10 * strength), repetitions, int(lead > 0)]
+        )
+        rates = [min(0.95, rate + lead), *[rate] * (arms - 1)]
+        sides = [_means(random, studies, each, strength, starts, repetitions) for each in rates]
+        # Of k true hypotheses Holm rejects none unless one of them falls to alpha / k.
+        equal = [pair for pair in pairs if not lead or 0 not in pair]
+        mild = study.model_copy(update={"alpha": ALPHA * len(pairs) / len(equal)})
+        of_equal = [looked_studies(mild, np.stack((sides[a], sides[b])), repetitions, looks) for a, b in equal]
+        named.append(np.any([found.signs != 0 for found in of_equal], axis=0))
+    first = [looked_studies(study, np.stack((sides[0], sides[b])), repetitions, looks) for b in range(1, arms)]
+    power = float(np.mean([np.mean(found.signs > 0) for found in first]))
+    run = float(np.mean(np.max([found.units for found in first], axis=0)))
+    shown = ", ".join(str(look) for look in looks)
+    return (
+        f"| {arms} | {shown} | {rate} | {strength:g} | {repetitions} | {100 * named[0].mean():.1f} "
+        f"| {100 * named[1].mean():.1f} | {100 * power:.0f} | {run:.1f} |"
+    )
+
+
+def _means(
+    random: np.random.Generator, studies: int, rate: float, strength: float, starts: int, repetitions: int
+) -> Floats:
+    chance = chances(random, studies, rate, strength, starts)
+    return np.asarray(random.binomial(repetitions, chance) / repetitions, np.float64)
+
+
+def margin_line(studies: int, starts: int, margin: float, middle: float, strength: float) -> str:
+    """Return a line of the table `equivalence`, with the percentages at 1, 2 and 5 repetitions."""
+    questions = {
+        "equivalence": {"primary": {"kind": "equivalence"}},
+        "non-inferiority": {"primary": {"kind": "non-inferiority", "arm": "m1"}},
+    }
+    columns = []
+    for question, decided in itertools.product(questions, (False, True)):
+        study = study_of(decided=decided, margin=margin, **questions[question])
+        looks = looks_of(study, starts)
+        shares: dict[float, list[float]] = {}
+        for true, repetitions in itertools.product((margin, 0.0), REPETITIONS):
+            arms = Arms(middle + true / 2, middle - true / 2, strength)
+            random = np.random.default_rng(
+                [starts, round(100 * margin), round(100 * middle), repetitions, int(true > 0)]
+            )
+            means = simulated(random, studies, arms, repetitions, starts).mean(-1)
+            if question == "non-inferiority":
+                means = means[::-1]  # the arm in question is the worse one
+            found = looked_studies(study, means, repetitions, looks)
+            shares.setdefault(true, []).append(100 * float(np.mean(found.signs > 0)))
+        columns += [joined(shares[margin]), joined(shares[0.0], 0)]
+    return f"| {starts} | {100 * margin:.0f} | {middle} | {strength:g} | {' | '.join(columns)} |"
+
+
+def planned_line(studies: int, starts: int, repetitions: int, difference: float, question: dict[str, Any]) -> str:
+    """Return a line of the table `study plan`: its numbers, and those of other simulated studies."""
+    study = study_of(**question)
+    design = Design(starts, len(GOALS), repetitions, 0.5, ASSUMED, study.alpha)
+    planned = planned_power(study, design, (difference,))[0]
+    outcomes = simulated_arms(np.random.default_rng(99), design, difference, studies)
+    ended = looked_studies(study, outcomes.mean(-1), repetitions, looks_of(study, starts))
+    run = float(ended.units.mean()) * len(GOALS) * repetitions
+    shown = 100 * float(np.mean(ended.signs > 0))
+    wrong = 100 * float(np.mean(ended.signs < 0 if difference else ended.signs != 0))
+    kind = study.primary.kind
+    if study.of_margin:
+        wrong = shown if difference >= study.margin else 0.0
+    power = "" if planned.power != planned.power else f"{100 * planned.power:.1f} / {shown:.1f}"
+    return (
+        f"| {kind} | {starts} | {repetitions} | {100 * difference:.0f} | {power} "
+        f"| {100 * planned.wrong:.1f} / {wrong:.1f} | {planned.blocks:.1f} / {run:.1f} |"
+    )
+
+
+def tables(studies: int) -> dict[str, Table]:
+    """Return the header of each table and the jobs for its lines."""
+    equal = itertools.product((15, 8), (False, True), (1.0, 2.5), (0.1, 0.3, 0.5, 0.7, 0.9))
+    different = itertools.product((15, 8), REPETITIONS, (1.0, 2.5), (0.2, 0.3))
+    several = [*itertools.product((3,), (15,), (0.5,), (2.5,), REPETITIONS), (5, 15, 0.5, 2.5, 1), (3, 8, 0.5, 2.5, 2)]
+    margins = [(15, 0.3, 0.3, 2.5), (15, 0.3, 0.8, 1.0), (15, 0.15, 0.8, 1.0), (8, 0.3, 0.8, 2.5)]
+    questions: list[dict[str, Any]] = [{}, {"primary": {"kind": "equivalence"}, "margin": 0.3}]
+    plans = [(15, 1, gap, questions[0]) for gap in (0.0, 0.15, 0.2, 0.3)] + [
+        (15, 2, gap, questions[0]) for gap in (0.2,)
+    ]
+    plans += [(15, 1, gap, questions[1]) for gap in (0.0, 0.15, 0.3)]
+    return {
+        "equal arms": (
+            [
+                (
+                    "| positions | arms | logit SD | rate | **false, looks** | false, bets | false, plan "
+                    "| **covered** | inverted |"
+                ),
+                "| ---: | --- | ---: | ---: | --- | --- | --- | --- | --- |",
+            ],
+            [partial(equal_line, studies, *each) for each in equal],
+        ),
+        "different arms": (
+            [
+                (
+                    "| positions | reps | logit SD | points | **power, looks** | positions run | power, bets "
+                    "| positions run | power, plan | covered |"
+                ),
+                "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+            ],
+            [partial(different_line, studies, *each) for each in different],
+        ),
+        "several arms": (
+            [
+                (
+                    "| arms | looks | rate | logit SD | reps | **false, all equal** | **false, one better** "
+                    "| power of a pair | positions run |"
+                ),
+                "| ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+            ],
+            [partial(several_line, studies, *each) for each in several],
+        ),
+        "equivalence": (
+            [
+                (
+                    "| positions | margin | mean rate | logit SD | **equivalent, plan** | power | **looks** | power "
+                    "| **not inferior, plan** | power | **looks** | power |"
+                ),
+                "| ---: | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- | --- | --- |",
+            ],
+            [partial(margin_line, studies, *each) for each in margins],
+        ),
+        "study plan": (
+            [
+                "| primary | positions | reps | points | power | wrong | blocks |",
+                "| --- | ---: | ---: | ---: | --- | --- | --- |",
+            ],
+            [partial(planned_line, studies, *each) for each in plans],
+        ),
+    }
+
+
+if __name__ == "__main__":
+    print_tables(__doc__, tables, RESULT, unit="studies", count=2000)

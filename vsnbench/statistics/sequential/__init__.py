@@ -1,0 +1,1 @@
+"""Tests that hold at every look: bets, and sign flips at a few looks."""
