@@ -417,7 +417,7 @@ LONG = {
     ),
     **_of(
         "study/test_stopping.py",
-        "statistics/test_betting.py",
+        "statistics/sequential/test_betting.py",
         "test_three_equal_arms_are_rarely_told_apart_looking_after_every_block",
     ),
     **_of(

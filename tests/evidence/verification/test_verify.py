@@ -44,10 +44,10 @@ def test_an_intact_bundle_holds_with_its_report_made_again(bundled: Path) -> Non
     assert counts(found)["replay"] == (2, 0)
 
 
-def test_verification_writes_nothing_and_needs_no_permission_to(recorded: Path) -> None:
-    before = {path: path.stat().st_mtime_ns for path in recorded.rglob("*")}
-    assert verified(recorded).holds
-    assert {path: path.stat().st_mtime_ns for path in recorded.rglob("*")} == before
+def test_verification_writes_nothing_and_needs_no_permission_to(results: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in results.rglob("*")}
+    assert verified(results).holds
+    assert {path: path.stat().st_mtime_ns for path in results.rglob("*")} == before
 
 
 CELLS: tuple[dict[str, str], ...] = (

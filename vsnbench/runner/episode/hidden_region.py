@@ -20,6 +20,8 @@ MAX_HIDDEN_REFUSALS = 3
 _ALL_SIDES_RAD = 1.5 * math.pi
 """Obstacles on three sides hide depth in half a circle of headings. A robot that has turned by three quarters of a
 circle has looked to the side from which it came."""
+_BETWEEN_LOOKS_RAD = math.radians(45)
+"""More of a turn between two looks does not count: depth may be in the directions that it leaves out."""
 _PROOF_RAD = math.radians(20)
 """Directions that lack depth in the region and have it elsewhere in the image; a lens 0.1 m ahead of the base's axis
 sees the edge of an object at 0.6 m in directions that differ by up to 10°, and an object has two edges."""
@@ -57,13 +59,16 @@ class HiddenRegion:
         if np.count_nonzero(cells) < MIN_HIDDEN_CELLS or self._cells.size == 0:
             self._refusals = 0
             self._cells, self._unmeasured, self._columns = evidence.hidden, ~measured, blind
-            self._heading_rad = self._least_rad = self._most_rad = observation.pose.heading_rad
+            self._heading_rad = observation.pose.heading_rad
+            self._turned_rad = self._least_rad = self._most_rad = 0.0
             self._begin_place(observation.pose)
         else:
             self._cells, self._unmeasured, self._columns = cells, self._unmeasured & ~measured, self._columns & blind
-            self._heading_rad += math.remainder(observation.pose.heading_rad - self._heading_rad, math.tau)
-            self._least_rad = min(self._least_rad, self._heading_rad)
-            self._most_rad = max(self._most_rad, self._heading_rad)
+            turn_rad = math.remainder(observation.pose.heading_rad - self._heading_rad, math.tau)
+            self._heading_rad += turn_rad
+            self._turned_rad += min(max(turn_rad, -_BETWEEN_LOOKS_RAD), _BETWEEN_LOOKS_RAD)
+            self._least_rad = min(self._least_rad, self._turned_rad)
+            self._most_rad = max(self._most_rad, self._turned_rad)
         if observation.pose.distance_to(self._place) > _SAME_PLACE_M:
             self._begin_place(observation.pose)
         self._azimuths_rad = np.arctan2(rays.left, rays.ahead[height // 2])
