@@ -148,8 +148,8 @@ def stopped_after_s(readings: Sequence[OdometryReading], silent_s: float) -> flo
 def require_watchdog(link: RobotLink, profile: RobotProfile) -> None:
     """Make sure that a base which this process steers stops when commands stop.
 
-    A simulated base is measured here if it was not before. A rehearsal needs the measurement of `doctor`, like a real
-    robot.
+    A simulated base is measured here, unless it has passed before: a busy machine may delay it once. A rehearsal needs
+    the measurement of `doctor`, like a real robot.
 
     Raises:
         RobotError: the watchdog was not measured on this machine, or the base did not stop.
@@ -158,7 +158,7 @@ def require_watchdog(link: RobotLink, profile: RobotProfile) -> None:
         return
     account = link.snapshot().simulation
     measured = stored_measurement(profile, simulated=account is not None)
-    if measured is None and account is not None and not account.is_rehearsal:
+    if account is not None and not account.is_rehearsal and not (measured and measured.passed):
         measured = measure_watchdog(link, profile)
         store_measurement(measured, profile, simulated=True)
     if measured is None:
