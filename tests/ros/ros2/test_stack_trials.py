@@ -109,7 +109,7 @@ def be_the_person(run: Process, address: str) -> None:
         if (question := state["question"]) is not None:
             anna.post("/answer", question=question["number"], answer="go")
         told = re.match(r"start the stack with the goal (\w+)$", state["whereabouts"])
-        if not (told and state["can_declare"]) or state["trial"]["episode"] == begun:
+        if not (told and state["driving"] and state["can_declare"]) or state["trial"]["episode"] == begun:
             continue
         begun = state["trial"]["episode"]
         urllib.request.urlopen(f"{address}/goal", json.dumps({"goal": told[1]}).encode()).close()
