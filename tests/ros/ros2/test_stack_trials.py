@@ -107,7 +107,8 @@ def be_the_person(run: Process, address: str) -> None:
         time.sleep(0.2)
         state = anna.ask("GET", "/state").json
         if (question := state["question"]) is not None:
-            anna.post("/answer", question=question["number"], answer="go")
+            answer = "end" if question["kind"] == "finish" else "go"
+            anna.post("/answer", question=question["number"], answer=answer)
         told = re.match(r"start the stack with the goal (\w+)$", state["whereabouts"])
         if not (told and state["driving"] and state["can_declare"]) or state["trial"]["episode"] == begun:
             continue
