@@ -47,7 +47,7 @@ class StopSource(StrEnum):
     AT_REST = "at rest"
     """The robot had been at rest for long enough."""
     OPERATOR = "operator"
-    """The operator said so."""
+    """The operator declared the arrival."""
 
 
 class Execution(BaseModel):

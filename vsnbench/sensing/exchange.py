@@ -60,20 +60,24 @@ class Exchange(ABC):
             ModelError: the topic has another type.
         """
 
-    @abstractmethod
     def send_goal(self, name: str, kind: str, content: Mapping[str, Any], timeout_s: float) -> ActionGoal:
         """Send a goal to an action server, and return once it has accepted or refused it.
 
-        Called only with types that `check` accepts; over ROS 1 it accepts no action.
-
         Raises:
             ModelLostError: no server answers in time.
+            ModelError: the network has no actions, which is the default (`no-ros1-action`).
         """
+        del name, content, timeout_s
+        raise no_actions(kind)
 
 
-def generation_of(kind: str) -> str:
-    """Return the package and the name of a type without `msg` between them, such as `std_msgs/String`."""
-    return kind.replace("/msg/", "/")
+def no_actions(kind: str) -> ModelError:
+    """Return the error of an action on a network that has none."""
+    return ModelError(
+        f"{kind}: an action needs ROS 2",
+        advice="over ROS 1 use the topics of its server, such as /move_base_simple/goal",
+        code="no-ros1-action",
+    )
 
 
 def unknown_type(kind: str, advice: str) -> ModelError:

@@ -13,7 +13,7 @@ from vsnbench.errors import ModelError
 from vsnbench.models.stack.file import FromTopic, Stack, ToTopic, load_stack
 from vsnbench.models.stack.policy import StackPolicy
 from vsnbench.models.stack.topics import ArrivalTopic
-from vsnbench.sensing.exchange import ActionGoal, Exchange, value_at
+from vsnbench.sensing.exchange import Exchange, value_at
 
 
 class OneProcess(Exchange):
@@ -37,9 +37,6 @@ class OneProcess(Exchange):
 
     def await_publisher(self, topic: str, kind: str, timeout_s: float) -> None:
         pass
-
-    def send_goal(self, name: str, kind: str, content: Mapping[str, Any], timeout_s: float) -> ActionGoal:
-        raise NotImplementedError
 
     def say(self, value: Any) -> None:
         self.publish("", "", {"data": value}, 0.0)

@@ -54,7 +54,7 @@ def test_the_terminal_is_told_of_a_closed_page_only_while_a_trial_is_left(
 ) -> None:
     messages: queue.Queue[str] = queue.Queue()
     session.prompts.show_message = messages.put
-    monkeypatch.setattr(app, "_MAX_INTERVAL_S", 0.05)
+    monkeypatch.setattr(app, "INTERVAL_S", 0.05)
     monkeypatch.setattr(clients, "SILENT_S", 0.2)
     anna = session.browser("Anna")
     headers = {"Cookie": anna.cookie}

@@ -119,8 +119,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     check_figure(figure)
     check_robot(robot)
     models, seeds, sites = trial.models_of(model), trial.seeds_of(seed), sites_of(site)
-    for each in models:
-        require_no_person(each, "stress")
+    for name in models:
+        require_no_person(name, "stress")
     config, first_site = load_config(), named_site(sites[0])
     setup = TrialSetupSpec(
         site=first_site,

@@ -28,7 +28,7 @@ NO_LIMITS: Final = Budget(None)
 
 
 class ControlsError(VsnbenchError):
-    """Another browser has the controls, or what was chosen is no longer asked."""
+    """Another browser has the controls, or the choice came too late."""
 
     code = "driven-already"
 
@@ -82,7 +82,7 @@ class Controls:
         self.practice = False
         """The trials of this session are not recorded."""
         self.is_served = False
-        """A page serves the controls. Without one, nobody can drive."""
+        """Whether a page serves the controls, without which nobody can drive."""
         self.view = View()
         self.picture_jpeg = b""
         """The newest picture of the robot's camera."""
@@ -159,14 +159,14 @@ class Controls:
     # Called by the policy, from the main thread. `SimpleQueue.get` lets a request to stop interrupt it.
 
     def offer_trial(self, goal: str, photo: bytes | None = None, success_distance_m: float | None = None) -> None:
-        """Offer a trial, and return when the driver begins it. There is no time limit.
+        """Offer a trial and wait, without a time limit, until the driver begins it.
 
         Raises:
             ModelError: no page serves the controls.
         """
         if not self.is_served:
             raise ModelError(
-                "nobody can drive: the driver's page is served by `vsnbench run` only",
+                "nobody can drive: only `vsnbench run` serves the driver's page",
                 advice=f"vsnbench run --model human:{self.driver} --goal chair",
                 code="no-driver-page",
             )
@@ -203,7 +203,7 @@ class Controls:
         self._renew(replace(self.view, phase=Phase.ENDED))
 
     def _renew(self, view: View) -> "SimpleQueue[Action | None]":
-        """Show another view. Answers to the last one are no longer read."""
+        """Replace the view, and discard answers to the previous one."""
         with self._lock:
             self.view, self._answers = view, SimpleQueue()
             answers = self._answers

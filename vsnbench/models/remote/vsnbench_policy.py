@@ -876,7 +876,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
     if (
         not isinstance(history, list)
         or len(history) > MAX_HISTORY
-        or not all(isinstance(each, dict) for each in history)
+        or not all(isinstance(earlier, dict) for earlier in history)
     ):
         raise WireError(f"`history` must be an array of at most {MAX_HISTORY} mappings")
     budget = message.get("budget")
@@ -890,7 +890,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
         camera=Camera(camera),
         beyond_range=None if depth is None else _beyond_range_of(depth),
         budget=budget,
-        history=tuple(observation_of(dict(each, camera=camera, history=None)) for each in history),
+        history=tuple(observation_of(dict(earlier, camera=camera, history=None)) for earlier in history),
     )
 
 

@@ -2,7 +2,7 @@
 
 The thread repeats the newest order (`PathOrder`) to what steers the base, looks at each new depth image, and stops the
 base for what also ends a movement: hazards, lost odometry, other publishers, a server that hangs. When this process
-ends, nothing repeats the order, and the base stops by itself. When a stack drives the robot there are no orders: the
+ends, nothing repeats the order, and the base stops by itself. A stack that drives the robot gets no orders: the
 thread only watches, and holds the base at zero velocity once the episode has ended.
 """
 

@@ -1,7 +1,6 @@
 """Messages that a stack takes and sends over ROS 1."""
 
 import io
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,13 +9,13 @@ import rosgraph.names
 import roslib.message
 import rospy
 
-from vsnbench.errors import ModelError, ModelLostError
+from vsnbench.errors import ModelLostError
+from vsnbench.ros.common.node import wait_until
 from vsnbench.ros.ros1.master import Master, MasterError, SystemState
 from vsnbench.ros.ros1.messages import MESSAGE_CLASSES
 from vsnbench.sensing.exchange import (
-    ActionGoal,
     Exchange,
-    generation_of,
+    no_actions,
     unknown_field,
     unknown_type,
     wrong_type,
@@ -44,7 +43,7 @@ class Ros1Exchange(Exchange):
             self._publishers[key] = rospy.Publisher(topic, type(message), queue_size=5, tcp_nodelay=True)
         publisher = self._publishers[key]
         self._await(lambda state: state.subscribers, topic, kind, "subscribes to", timeout_s)
-        _wait(lambda: publisher.get_num_connections() > 0, timeout_s)
+        wait_until(lambda: publisher.get_num_connections() > 0, timeout_s, _POLL_S)
         publisher.publish(message)
 
     def listen(self, topic: str, kind: str, take: Callable[[Any], None]) -> None:
@@ -55,10 +54,6 @@ class Ros1Exchange(Exchange):
         """Wait until another node publishes a topic; see `Exchange`."""
         self._await(lambda state: state.publishers, topic, kind, "publishes", timeout_s)
 
-    def send_goal(self, name: str, *_: object) -> ActionGoal:
-        """Never called: `check` accepts no action."""
-        raise NotImplementedError(name)
-
     def _await(
         self,
         of: Callable[[SystemState], Mapping[str, list[str]]],
@@ -67,9 +62,9 @@ class Ros1Exchange(Exchange):
         does: str,
         timeout_s: float,
     ) -> None:
-        name, wanted = rosgraph.names.resolve_name(topic, rospy.get_name()), generation_of(kind)
+        name, wanted = rosgraph.names.resolve_name(topic, rospy.get_name()), _name_of(kind)
         try:
-            found = _wait(lambda: self._has_other(of(self._master.state()).get(name, [])), timeout_s)
+            found = wait_until(lambda: self._has_other(of(self._master.state()).get(name, [])), timeout_s, _POLL_S)
             actual = self._master.topic_types().get(name, wanted)
         except MasterError as error:
             raise ModelLostError(str(error)) from error
@@ -83,14 +78,15 @@ class Ros1Exchange(Exchange):
         return any(node != self._master.caller and self._master.live_node(node) for node in nodes)
 
 
+def _name_of(kind: str) -> str:
+    """Return the name of a type in ROS 1."""
+    return kind.replace("/msg/", "/")
+
+
 def _class_of(kind: str) -> Any:
-    name = generation_of(kind)
+    name = _name_of(kind)
     if "/action/" in name:
-        raise ModelError(
-            f"{kind}: an action needs ROS 2",
-            advice="over ROS 1 use the topics of its server, such as /move_base_simple/goal",
-            code="no-ros1-action",
-        )
+        raise no_actions(kind)
     try:
         found = MESSAGE_CLASSES.get(name) or roslib.message.get_message_class(name)
     except Exception as error:  # of the package's own code
@@ -108,12 +104,5 @@ def _filled(kind: str, content: Mapping[str, Any]) -> Any:
             genpy.message.fill_message_args(message, [dict(content)])
         message.serialize(io.BytesIO())
     except (genpy.MessageException, genpy.SerializationError, ValueError, TypeError, AttributeError) as error:
-        raise unknown_field(generation_of(kind), error_line(error, named=False)) from error
+        raise unknown_field(_name_of(kind), error_line(error, named=False)) from error
     return message
-
-
-def _wait(condition: Callable[[], bool], timeout_s: float) -> bool:
-    give_up_s = time.monotonic() + timeout_s
-    while not (holds := condition()) and time.monotonic() < give_up_s:
-        time.sleep(_POLL_S)
-    return holds

@@ -5,11 +5,11 @@ DockStatus.is_docked, and is_docked in the result of the action Undock, whose go
 """
 
 import contextlib
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from vsnbench.errors import RobotError
+from vsnbench.ros.common.node import result_of
 from vsnbench.ros.ros2.installation import irobot_type
 
 if TYPE_CHECKING:
@@ -150,9 +150,7 @@ def _cancel(sent: Any) -> None:
 
 
 def _await(future: Any, timeout_s: float, otherwise: str) -> Any:
-    """Return the result of a future of a node that spins in another thread."""
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    if not done.wait(timeout_s):
-        raise RobotError(otherwise, advice="check that the base is alive", code="no-answer")
-    return future.result()
+    try:
+        return result_of(future, timeout_s)
+    except TimeoutError as error:
+        raise RobotError(otherwise, advice="check that the base is alive", code="no-answer") from error

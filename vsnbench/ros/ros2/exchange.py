@@ -1,8 +1,6 @@
 """Messages and actions that a stack takes and sends over ROS 2."""
 
 import importlib
-import threading
-import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -10,6 +8,7 @@ from rclpy.action import ActionClient
 from rclpy.qos import QoSReliabilityPolicy
 
 from vsnbench.errors import ModelLostError
+from vsnbench.ros.common.node import result_of, wait_until
 from vsnbench.ros.ros2.graph import Endpoint, Graph
 from vsnbench.ros.ros2.node import RELIABLE, SENSOR_DATA, Ros2Node
 from vsnbench.sensing.exchange import ActionGoal, Exchange, unknown_field, unknown_type, wrong_type
@@ -41,13 +40,13 @@ class Ros2Exchange(Exchange):
         if key not in self._publishers:
             self._publishers[key] = self._node.rclpy.create_publisher(type(message), topic, RELIABLE)
         publisher = self._publishers[key]
-        _wait(lambda: publisher.get_subscription_count() > 0, timeout_s)  # the subscriber has been matched
+        wait_until(lambda: publisher.get_subscription_count() > 0, timeout_s, _POLL_S)  # the subscriber is matched
         publisher.publish(message)
 
     def listen(self, topic: str, kind: str, take: Callable[[Any], None]) -> None:
         """Pass each message of a topic to `take`."""
         publishers = self._graph.publishers(self._node.rclpy.resolve_topic_name(topic))
-        is_lossy = any(one.qos.reliability == QoSReliabilityPolicy.BEST_EFFORT for one in publishers)
+        is_lossy = any(publisher.qos.reliability == QoSReliabilityPolicy.BEST_EFFORT for publisher in publishers)
         self._node.rclpy.create_subscription(_class_of(kind), topic, take, SENSOR_DATA if is_lossy else RELIABLE)
 
     def await_publisher(self, topic: str, kind: str, timeout_s: float) -> None:
@@ -63,8 +62,12 @@ class Ros2Exchange(Exchange):
         client = self._clients[key]
         if not client.wait_for_server(timeout_sec=timeout_s):
             raise ModelLostError(f"no node offers the action {name} ({kind})", advice="start the stack")
-        handle = _result_of(client.send_goal_async(goal), timeout_s, f"the action {name} does not answer")
-        return _Goal(handle, name)
+        sent = client.send_goal_async(goal)
+        try:
+            return _Goal(_answer(sent, timeout_s, f"the action {name} does not answer"), name)
+        except BaseException:
+            sent.add_done_callback(_cancel_late)
+            raise
 
     def _filled(self, kind: str, content: Mapping[str, Any]) -> Any:
         found = _class_of(kind)
@@ -77,13 +80,13 @@ class Ros2Exchange(Exchange):
     ) -> None:
         wanted = _canonical(kind)
 
-        def others() -> list[Endpoint]:
-            return [one for one in endpoints(topic) if one.node != self._node.full_name]
+        def kinds() -> set[str]:
+            return {endpoint.type_name for endpoint in endpoints(topic) if endpoint.node != self._node.full_name}
 
-        if _wait(lambda: any(one.type_name == wanted for one in others()), timeout_s):
+        if wait_until(lambda: wanted in kinds(), timeout_s, _POLL_S):
             return
-        if found := others():
-            raise wrong_type(topic, wanted, sorted({one.type_name for one in found}))
+        if found := kinds():
+            raise wrong_type(topic, wanted, sorted(found))
         raise ModelLostError(f"no node {does} {topic} ({wanted})", advice="start the stack, or correct its file")
 
 
@@ -107,7 +110,7 @@ class _Goal(ActionGoal):
     def cancel(self, timeout_s: float) -> None:
         """Ask the server to cancel it."""
         if not self.outcome:
-            _result_of(self._handle.cancel_goal_async(), timeout_s, f"the action {self._name} does not cancel its goal")
+            _answer(self._handle.cancel_goal_async(), timeout_s, f"the action {self._name} does not cancel its goal")
 
 
 def _canonical(kind: str) -> str:
@@ -153,21 +156,20 @@ def _fill(message: Any, content: Mapping[str, Any], kind: str, path: str) -> Non
             raise unknown_field(kind, f"{where} is a {fields[name]}: {error_line(error, named=False)}") from error
 
 
-def _wait(condition: Callable[[], bool], timeout_s: float) -> bool:
-    give_up_s = time.monotonic() + timeout_s
-    while not (holds := condition()) and time.monotonic() < give_up_s:
-        time.sleep(_POLL_S)
-    return holds
-
-
-def _result_of(future: Any, timeout_s: float, otherwise: str) -> Any:
-    """Return the result of a future of a node that spins in another thread.
+def _answer(future: Any, timeout_s: float, otherwise: str) -> Any:
+    """Return the answer of an action server.
 
     Raises:
-        ModelLostError: it has none in time.
+        ModelLostError: there is none in time.
     """
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    if not done.wait(timeout_s):
-        raise ModelLostError(f"{otherwise} within {timeout_s:g} s")
-    return future.result()
+    try:
+        return result_of(future, timeout_s)
+    except TimeoutError as error:
+        raise ModelLostError(f"{otherwise} within {timeout_s:g} s") from error
+
+
+def _cancel_late(sent: Any) -> None:
+    """Cancel a goal that was accepted too late: the trial is over, and nobody would stop the stack."""
+    handle = sent.result()
+    if handle is not None and handle.accepted:
+        handle.cancel_goal_async()

@@ -105,7 +105,7 @@ class PolicyCalls:
         if self._policy.asks_operator and self._says_arrived():
             return Decision(Action.STOP, StopSource.OPERATOR)
         visible = shown_to_policy(observation, self._card.sensors, budget)
-        if earlier := [each for each in self._history if each.stamp_s < observation.stamp_s]:
+        if earlier := [seen for seen in self._history if seen.stamp_s < observation.stamp_s]:
             visible = with_changes(visible, history=newest_of(earlier, visible, self._card.history))
         self._history, self._answered_s = (), observation.stamp_s
         with self._failures("act"):

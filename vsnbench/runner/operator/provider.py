@@ -35,7 +35,7 @@ class OperatorProvider:
     serve_page: ServePage | None = None
     """Serves the prompts to browsers as well."""
     serve_driver: ServeDriver | None = None
-    """Serves the controls of a person who drives; None where nobody can."""
+    """Serves the page of a person who drives; None for a command without one."""
     label: str = ""
     """Place of the campaign in a sweep, for the display; empty outside of one."""
     before: int = 0

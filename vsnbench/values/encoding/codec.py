@@ -155,8 +155,8 @@ def observation_to_message(
         pose = observation.pose
         message["pose"] = [pose.x_m, pose.y_m, pose.heading_rad]
     if observation.history:
-        earlier = (observation_to_message(each, rgb=rgb, depth=depth) for each in observation.history)
-        message["history"] = [{name: each[name] for name in _IN_HISTORY} for each in earlier]
+        earlier = (observation_to_message(seen, rgb=rgb, depth=depth) for seen in observation.history)
+        message["history"] = [{name: content[name] for name in _IN_HISTORY} for content in earlier]
     return message
 
 

@@ -3,8 +3,6 @@
 It knows the controls only, so it can send nothing of the site, the plan, the robot's pose or the judge.
 """
 
-import asyncio
-import contextlib
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,11 +12,12 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from vsnbench.models.human.controls import CHOICES, Controls
 from vsnbench.values.action import Action
 from vsnbench.web.operator.app import ASSETS as OPERATOR_ASSETS
+from vsnbench.web_server.live_pages import LivePages
 from vsnbench.web_server.pages import (
     ERROR_HANDLERS,
     csrf_token_for,
@@ -30,8 +29,6 @@ from vsnbench.web_server.pages import (
 )
 
 ASSETS: Final = Path(__file__).parent / "assets"
-_INTERVAL_S = 1.0
-"""Time between two states sent to a page, at most."""
 
 
 class DriverApp:
@@ -39,9 +36,7 @@ class DriverApp:
 
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._changes: set[asyncio.Event] = set()
-        """One event per connected page, set when the view has changed."""
+        self._pages = LivePages()
 
     def routes(self) -> Starlette:
         """Return the application to serve."""
@@ -61,13 +56,7 @@ class DriverApp:
 
     def notify(self) -> None:
         """Send the new view to every page. Callable from any thread."""
-        if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # the event loop ends with the session
-                self._loop.call_soon_threadsafe(self._set_changed)
-
-    def _set_changed(self) -> None:
-        for changed in self._changes:
-            changed.set()
+        self._pages.notify()
 
     async def _state(self, request: Request) -> Response:
         state = driver_json(self._controls, visitor_of(request).id)
@@ -83,7 +72,7 @@ class DriverApp:
         if not self._controls.is_held_by(visitor_of(request).id):
             raise HTTPException(403, "only the driver sees the camera")
         if not jpeg:
-            raise HTTPException(404, "there is no image yet")
+            raise HTTPException(404, "no camera image has arrived yet")
         return Response(jpeg, media_type="image/jpeg")
 
     async def _take(self, request: Request) -> Response:
@@ -101,33 +90,13 @@ class DriverApp:
 
     async def _live(self, socket: WebSocket) -> None:
         visitor = visitor_of(socket).id
-        await socket.accept()
-        self._loop = asyncio.get_running_loop()
-        changed = asyncio.Event()
-        self._changes.add(changed)
-        sending = asyncio.create_task(self._send_states(socket, visitor, changed))
-        try:
-            while True:
-                message = await socket.receive_json()
-                self._controls.hear(visitor)
-                if isinstance(message, dict) and isinstance(number := message.get("heartbeat"), int):
-                    await socket.send_json({"heartbeat": number})
-                elif isinstance(message, dict) and isinstance(number := message.get("shown"), int):
-                    self._controls.shown(visitor, number)
-        except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
-            pass  # the client has gone, or sends what our page does not
-        finally:
-            sending.cancel()
-            self._changes.discard(changed)
 
-    async def _send_states(self, socket: WebSocket, visitor: str, changed: asyncio.Event) -> None:
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
-            while True:
-                changed.clear()
-                await socket.send_json(driver_json(self._controls, visitor))
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(_INTERVAL_S):
-                        await changed.wait()
+        async def take(message: dict[str, Any]) -> None:
+            self._controls.hear(visitor)
+            if isinstance(number := message.get("shown"), int):
+                self._controls.shown(visitor, number)
+
+        await self._pages.serve(socket, lambda: driver_json(self._controls, visitor), take)
 
 
 def driver_json(controls: Controls, visitor: str) -> dict[str, Any]:

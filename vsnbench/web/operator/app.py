@@ -4,7 +4,6 @@ It holds no rule of a trial: the runner checks and records every answer.
 """
 
 import asyncio
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from vsnbench.runner.judging.case import Case
 from vsnbench.runner.judging.corrections import Corrections
@@ -31,6 +30,7 @@ from vsnbench.text.sanitize import sanitize
 from vsnbench.web.operator.clients import Clients
 from vsnbench.web.operator.session_json import episode_json, session_json
 from vsnbench.web.site_editor.drawing import plan_svg
+from vsnbench.web_server.live_pages import INTERVAL_S, LivePages
 from vsnbench.web_server.pages import (
     ERROR_HANDLERS,
     access_of,
@@ -48,7 +48,6 @@ STOP_SOURCE: Final = "the page's STOP button"
 ASSETS: Final = Path(__file__).parent / "assets"
 _MIN_INTERVAL_S = 0.1
 """Time between two states sent to a page, at least."""
-_MAX_INTERVAL_S = 1.0
 _PLACING_IMAGES: Final[dict[str, tuple[Callable[[PlacementLook], bytes | None], str]]] = {
     "camera": (lambda look: look.picture_jpeg, "image/jpeg"),
     "expected": (lambda look: look.ghost_png, "image/png"),
@@ -63,9 +62,7 @@ class OperatorApp:
         self._prompts = prompts
         self._session = session
         self._clients = Clients()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._changes: set[asyncio.Event] = set()
-        """One event per connected page, set when the state has changed."""
+        self._pages = LivePages(_MIN_INTERVAL_S)
         self._watching: asyncio.Task[None] | None = None
         self._plan = plan_svg(session.site)
         self._corrections = Corrections(prompts, session)
@@ -99,13 +96,7 @@ class OperatorApp:
 
     def notify(self) -> None:
         """Send the new state to every page. Callable from any thread."""
-        if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # the event loop ends with the session
-                self._loop.call_soon_threadsafe(self._set_changed)
-
-    def _set_changed(self) -> None:
-        for changed in self._changes:
-            changed.set()
+        self._pages.notify()
 
     def _state_for(self, visitor: Visitor) -> dict[str, Any]:
         state = session_json(self._prompts, self._session)
@@ -131,7 +122,7 @@ class OperatorApp:
             raise HTTPException(422, "enter your name: it is recorded with every verdict that you give")
         visitor = Visitor(visitor_of(request).id, name)
         self._clients.record_message(visitor)
-        self._set_changed()
+        self._pages.notify()
         return JSONResponse({"you": name}, headers={"set-cookie": access_of(request).set_cookie_header(visitor)})
 
     async def _answer(self, request: Request) -> Response:
@@ -233,46 +224,22 @@ class OperatorApp:
 
     async def _live(self, socket: WebSocket) -> None:
         visitor = visitor_of(socket)
-        await socket.accept()
-        self._loop = asyncio.get_running_loop()
         self._clients.record_message(visitor)
-        changed = asyncio.Event()
-        self._changes.add(changed)
         if self._watching is None:
             self._watching = asyncio.create_task(self._watch_clients())
-        sending = asyncio.create_task(self._send_states(socket, visitor, changed))
-        try:
-            while True:
-                message = await socket.receive_json()
-                self._clients.record_message(visitor)
-                if not isinstance(message, dict):
-                    continue
-                if message.get("stop") is True:
-                    await socket.send_json({"stopped": await self._stop_robot(visitor)})
-                elif isinstance(message.get("heartbeat"), int):
-                    await socket.send_json({"heartbeat": message["heartbeat"]})
-        except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
-            pass  # the client has gone, or sends what our page does not
-        finally:
-            sending.cancel()
-            self._changes.discard(changed)
+
+        async def take(message: dict[str, Any]) -> dict[str, Any] | None:
+            self._clients.record_message(visitor)
+            return {"stopped": await self._stop_robot(visitor)} if message.get("stop") is True else None
+
+        await self._pages.serve(socket, lambda: self._state_for(visitor), take)
 
     async def _watch_clients(self) -> None:
         """Tell the terminal which pages are silent, also if no page is left; ends with the event loop."""
         while True:
             for message in self._clients.status_changes(may_drive=self._prompts.may_drive):
                 self._prompts.show_message(message)
-            await asyncio.sleep(_MAX_INTERVAL_S)
-
-    async def _send_states(self, socket: WebSocket, visitor: Visitor, changed: asyncio.Event) -> None:
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
-            while True:
-                await socket.send_json(self._state_for(visitor))
-                await asyncio.sleep(_MIN_INTERVAL_S)
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(_MAX_INTERVAL_S):
-                        await changed.wait()
-                changed.clear()
+            await asyncio.sleep(INTERVAL_S)
 
 
 def judging_form(body: dict[str, Any]) -> JudgingForm:

@@ -15,7 +15,7 @@ let shown = 0; // number of the picture that is on the screen
 let loading = 0;
 let answered = 0; // number of the picture whose action was sent
 let wasTakable = false;
-let heldPadStop = true; // a button that was down before the page saw it released is no press
+let heldPadStop = true; // a button that is already held when the page loads does not count as a press
 
 const isMine = () => state?.controls === "yours";
 const canChoose = () => isMine() && state.phase === "choosing" && shown === state.picture && answered !== state.picture;
@@ -166,5 +166,5 @@ function pollGamepads() {
 addEventListener("gamepadconnected", () => requestAnimationFrame(pollGamepads));
 // The first answer has the token that every action needs.
 get("/state")
-  .catch((error) => { if (error.status === 403) showMessage("The address is no longer valid. Open the one on the terminal."); })
+  .catch((error) => { if (error.status === 403) showMessage("This address is no longer valid: open the one shown at the terminal."); })
   .finally(() => { connection = new Connection(receive, showStatus, () => {}); });
