@@ -44,7 +44,7 @@ from vsnbench.runtime.time_limits import call_interrupted
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.action import ActionKind
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import RobotIdentity
 
@@ -244,7 +244,7 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
         seen_camera=crop or camera,
         sessions=sessions,
     )
-    _check_sensors(description)
+    _check_sensors(description, robot.cameras)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
@@ -279,7 +279,7 @@ def _end_with_stuck_model() -> None:
     end_process_now(ExitCode.FAILED)
 
 
-def _check_sensors(description: SetupDescription) -> None:
+def _check_sensors(description: SetupDescription, cameras: frozenset[CameraRole]) -> None:
     card, robot = description.card, description.robot.profile.name
     missing = card.sensors - description.sensors
     if missing:
@@ -289,6 +289,12 @@ def _check_sensors(description: SetupDescription) -> None:
             f"it has {', '.join(sorted(description.sensors))}",
             advice="only the simulator labels instances: give the model a real detector's weights" if labels else "",
             code="missing-sensor",
+        )
+    if further := card.cameras - cameras:
+        raise UsageError(
+            f"model {card.name} needs a {' and a '.join(sorted(further))} camera, which robot {robot} does not have",
+            advice="the profile of a simulated robot lists further cameras: docs/robots.md",
+            code="missing-camera",
         )
 
 
