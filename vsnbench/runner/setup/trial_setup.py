@@ -183,14 +183,8 @@ def open_trial_setup(spec: TrialSetupSpec) -> Iterator[TrialSetup]:
         try:
             spec = replace(spec, goals=choose_goals(spec.goals, spec.site, policy.card))
             used = policy.card.sensors | (frozenset() if spec.keep is KeepFiles.NONE else {Sensor.RGB})
-            with open_robot(
-                spec.robot,
-                spec.site,
-                spec.parameters,
-                noise=spec.noise,
-                rehearsal=spec.rehearsal,
-                read=used,
-            ) as robot:
+            how = {"noise": spec.noise, "rehearsal": spec.rehearsal}
+            with open_robot(spec.robot, spec.site, spec.parameters, **how, read=used) as robot:
                 yield prepare_setup(spec, policy, robot)
         finally:
             close_policy(policy)
@@ -251,8 +245,8 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     check_execution(spec.parameters, spec.disturbances, robot, description.card)
     if isinstance(model, StackPolicy):
         model.join(robot.exchange)
-    controls = model.controls if isinstance(model, Human) else None
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, controls)
+    seen = policy if crop is None else CroppedPolicy(policy, camera, crop)
+    return TrialSetup(robot, seen, description, model.controls if isinstance(model, Human) else None)
 
 
 def close_policy(policy: Policy) -> None:
@@ -272,22 +266,21 @@ def close_policy(policy: Policy) -> None:
 
 
 def _end_with_stuck_model() -> None:
-    os.write(
-        2,
-        b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n",
+    text = (
+        b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n"
     )
+    os.write(2, text)
     end_process_now(ExitCode.FAILED)
 
 
 def _check_sensors(description: SetupDescription, cameras: frozenset[CameraRole]) -> None:
     card, robot = description.card, description.robot.profile.name
-    missing = card.sensors - description.sensors
-    if missing:
-        labels = Sensor.INSTANCES in missing
+    if missing := card.sensors - description.sensors:
+        labels = "only the simulator labels instances: give the model a real detector's weights"
         raise UsageError(
             f"model {card.name} needs {', '.join(sorted(missing))}, which robot {robot} does not have; "
             f"it has {', '.join(sorted(description.sensors))}",
-            advice="only the simulator labels instances: give the model a real detector's weights" if labels else "",
+            advice=labels if Sensor.INSTANCES in missing else "",
             code="missing-sensor",
         )
     if further := card.cameras - cameras:
