@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.results.records_of_a_lab import plan, run, stopped
+from tests.results.records_of_a_lab import write_success
 from tests.shared_records import write_copy
 from vsnbench.errors import RecordError
-from vsnbench.results.database_url import sqlite_path, sqlite_url
+from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.merging.sources import open_other
 from vsnbench.results.reading.integrity import record_fault
 from vsnbench.results.schema.backup import backup
@@ -34,13 +34,8 @@ SCHEMAS = {
 
 @pytest.fixture
 def record(sqlite: str, tmp_path: Path) -> str:
-    write_copy(tmp_path, write_record)
+    write_copy(tmp_path, write_success)
     return sqlite
-
-
-def write_record(directory: Path) -> None:
-    with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
-        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
 
 
 def alter(url: str, script: str) -> None:
