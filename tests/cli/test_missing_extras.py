@@ -31,6 +31,7 @@ MISSING = [
     ("video", "av", "export video 1"),
     ("lerobot", "pyarrow", "export lerobot -o dataset"),
     ("ray", "ray", "run --model random --goal chair --workers ray://127.0.0.1:10001"),
+    ("scan", "trimesh", "sites scan none.glb lab.yaml"),
     ("ros2", "rclpy,rpyutils", "robots simulate turtlebot4"),
 ]
 

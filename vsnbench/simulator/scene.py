@@ -37,7 +37,8 @@ def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
         primitives.extend(_stand(thing, index + 1))
         if not is_surveyed_only:
             primitives.extend(_laid_on(thing, site.objects))
-    return Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m)
+    labelled = () if site.scan is None else tuple(site.objects)
+    return Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m, site.scan, labelled)
 
 
 def _stand(thing: SiteObject, instance: int) -> Iterator[Primitive]:
