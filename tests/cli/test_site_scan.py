@@ -159,7 +159,7 @@ def test_the_check_names_where_scan_and_survey_differ(room: Lab) -> None:
     along = np.array(wall.end) - wall.start
     shift = np.array([-along[1], along[0]]) / wall.length_m * 0.09
     moved = wall.model_copy(update={name: tuple((getattr(wall, name) + shift).tolist()) for name in ("start", "end")})
-    elsewhere = site.objects[0].model_copy(update={"position": site.starts[0].position})
+    elsewhere = site.objects[0].model_copy(update={"position": site.starts[1].position})
     wrong = site.model_copy(update={"walls": [moved, *site.walls[1:]], "objects": [elsewhere, *site.objects[1:]]})
     found = {finding.code: finding for finding in scan_findings(wrong)}
     assert found["scan-wall"].entries == (("walls", 0),)

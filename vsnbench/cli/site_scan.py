@@ -5,13 +5,11 @@ from typing import Annotated
 
 import typer
 
-from vsnbench.cli.sites import app
 from vsnbench.cli.support.output import Json, print_result
 from vsnbench.errors import UsageError
 from vsnbench.text.sanitize import counted
 
 
-@app.command()
 def scan(
     scan_file: Annotated[Path, typer.Argument(metavar="FILE", help="Scan: .glb, .obj with textures, or .ply.")],
     site_file: Annotated[Path, typer.Argument(metavar="SITE", help="Path of the new site file (.yaml).")],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.site_scan import scan
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import safe
@@ -337,4 +338,4 @@ def export_site(
     print_files(write_ros_map(map_of_site(site, resolution, furniture=furniture), ros_map), as_json=as_json)
 
 
-from vsnbench.cli import site_scan  # noqa: E402, F401 - adds the command
+app.command()(scan)

@@ -152,19 +152,23 @@ def _photographed(cells: Array, renderer: Renderer, site: Site) -> tuple[Array, 
     weights = np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=-1).reshape(-1, 4)
     points = np.einsum("pk,nkc->npc", weights, cells).reshape(-1, 3)
     middles, reach = cells.mean(axis=1), np.linalg.norm(cells - cells.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    normals = np.cross(cells[:, 2] - cells[:, 0], cells[:, 3] - cells[:, 1])
     colors, nearest = np.zeros((len(points), 3), np.float32), np.full(len(points), np.inf, np.float32)
     for eye in _walk(site):
         at, axes = np.array([eye.x_m, eye.y_m, eye.z_m]), camera_axes(eye)
         frame = renderer.render_from(eye, WIDTH, HEIGHT, FOCAL)
         local = (middles - at) @ axes.T
         inside = (local[:, 2] > -reach) & (np.abs(local[:, :2]).max(axis=1) < local[:, 2] + 2 * reach)
-        texels = (np.flatnonzero(inside & (local[:, 2] < 4.0))[:, None] * PATCH**2 + np.arange(PATCH**2)).reshape(-1)
+        faces_it = ((at - middles) * normals).sum(axis=1) > 0
+        texels = (
+            np.flatnonzero(inside & (local[:, 2] < 4.0) & faces_it)[:, None] * PATCH**2 + np.arange(PATCH**2)
+        ).reshape(-1)
         x, y, z = ((points[texels] - at) @ axes.T).T
         columns = np.rint((WIDTH - 1) / 2 + FOCAL * x / np.maximum(z, 0.05)).astype(int)
         rows = np.rint((HEIGHT - 1) / 2 + FOCAL * y / np.maximum(z, 0.05)).astype(int)
         valid = (z > 0.1) & (columns >= 0) & (rows >= 0) & (columns < WIDTH) & (rows < HEIGHT) & (z < nearest[texels])
         texels, columns, rows, z = texels[valid], columns[valid], rows[valid], z[valid]
-        shown = np.abs(frame.depth_m[rows, columns] - z) < 0.01 + 0.02 * z
+        shown = np.abs(frame.depth_m[rows, columns] - z) < 0.01 + 0.01 * z
         texels = texels[shown]
         nearest[texels], colors[texels] = z[shown], frame.rgb[rows[shown], columns[shown]]
     count = PATCH * PATCH

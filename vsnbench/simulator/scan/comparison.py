@@ -8,7 +8,7 @@ import numpy.typing as npt
 import shapely
 
 from vsnbench.simulator.scan.mesh import load_scan
-from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, occupied_points, points_on
+from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, occupied_points, points_on, surface_offsets
 from vsnbench.site_checks.finding import Severity, SiteFinding, outline, point_text, stretch
 from vsnbench.sites.geometry.walls import solid_shapes, top_m
 from vsnbench.sites.site import Site, Wall
@@ -17,10 +17,6 @@ TOLERANCE_M: Final = 0.05
 """Differences up to this are not reported."""
 _WALL_BAND_M: Final = (0.3, 1.9)
 _REACH_M: Final = 0.25
-_BIN_M: Final = 0.01
-_STRETCH_M: Final = 0.05
-_LEAST_COVERED: Final = 0.2
-"""Minimum share of a wall's length in which the scan has its surface."""
 _SMALLEST_M2: Final = 0.02
 _MOST: Final = 20
 
@@ -46,22 +42,10 @@ def scan_findings(site: Site) -> list[SiteFinding]:
 
 def _of_wall(wall: Wall, index: int, samples: Floats) -> SiteFinding | None:
     """Return the larger difference of a wall's two sides, if it exceeds the tolerance."""
-    (x0, y0), (x1, y1) = wall.start, wall.end
-    way = np.array([x1 - x0, y1 - y0]) / wall.length_m
-    local = samples[:, :2] - np.array(wall.start)
-    along, across = local @ way, local @ np.array([-way[1], way[0]])
     half, worst = wall.thickness_m / 2, 0.0
-    inside = (along > 0.1) & (along < wall.length_m - 0.1)
-    for side in (-1.0, 1.0):
-        off = side * across - half
-        near = inside & (np.abs(off) < _REACH_M) & (side * across > 0)
-        stretches = np.unique((along[near] / _STRETCH_M).astype(int))
-        if len(stretches) < _LEAST_COVERED * max(wall.length_m - 0.2, _STRETCH_M) / _STRETCH_M:
-            continue
-        bins = np.bincount(((off[near] + _REACH_M) / _BIN_M).astype(int), minlength=round(2 * _REACH_M / _BIN_M) + 1)
-        smooth = np.convolve(bins, np.ones(3), "same")
-        place_m = (int(np.argmax(smooth)) + 0.5) * _BIN_M - _REACH_M
-        worst = place_m if abs(place_m) > abs(worst) else worst
+    for place_m in surface_offsets(samples, wall.start, wall.end, half + _REACH_M):
+        if place_m is not None and abs(abs(place_m) - half) > abs(worst):
+            worst = abs(place_m) - half
     if abs(worst) <= TOLERANCE_M:
         return None
     where = "outside" if worst > 0 else "inside"

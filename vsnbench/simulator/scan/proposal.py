@@ -1,17 +1,26 @@
 """Proposes a site for a scan: walls with doorways, a room, what stands on the floor, and a first starting position."""
 
+import itertools
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon, box
 
 from vsnbench.errors import SiteError
 from vsnbench.protocol.free_space import free_space
 from vsnbench.simulator.scan.mesh import Bytes, ScanMesh
-from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, OUTLINE_M, occupied_points, points_on
+from vsnbench.simulator.scan.occupancy import (
+    BAND_M,
+    CELL_M,
+    OUTLINE_M,
+    Floats,
+    occupied_points,
+    points_on,
+    surface_offsets,
+)
 from vsnbench.site_checks.map_walls.corners import WallLine
 from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, PlanGrid
 from vsnbench.site_checks.map_walls.lines import propose_walls
@@ -27,6 +36,8 @@ _SURFACE_M: Final = 0.05
 _TALL: Final = 0.55
 """Share of that band that a wall's surface covers in a cell."""
 _LEAST_WALL_M: Final = 0.6
+_SINGLE_M: Final = 0.02
+"""Thickness of a wall of which one side was scanned."""
 _THICKEST_M: Final = 0.25
 """Distance up to which two surfaces are the sides of one wall."""
 _NEAR_WALL_M: Final = 0.06
@@ -50,6 +61,7 @@ def propose_site(mesh: ScanMesh, name: str, scan: SiteScan) -> Site:
             "the scan has no walls", advice="scan the walls up to a height of 2 m as well", code="scan-no-walls"
         )
     room = _outline(walls)
+    walls = [_without_ways_out(wall, room) for wall in _without_repetitions([*walls, *_closing(walls, room)])]
     things = _things(samples, walls, room)
     doors = [
         Door(name=f"door-{number}", start=_point(start), end=_point(end))
@@ -61,7 +73,7 @@ def propose_site(mesh: ScanMesh, name: str, scan: SiteScan) -> Site:
         "survey_error_m": 0.03,
         "rooms": [Room(name="flat", polygon=[_point(corner) for corner in room.exterior.coords[:-1]])],
         "walls": [Wall(start=_point(wall.start), end=_point(wall.end), thickness_m=_thickness(wall)) for wall in walls],
-        "doors": [door for door in doors if door.length_m > 0.3],
+        "doors": doors,
         "objects": things,
         "scan": scan,
     }
@@ -86,7 +98,7 @@ def _point(values: tuple[float, ...]) -> tuple[float, float]:
     return (round(float(values[0]), 3), round(float(values[1]), 3))
 
 
-def _ceiling(samples: npt.NDArray[np.float64]) -> float:
+def _ceiling(samples: Floats) -> float:
     """Return the height of the ceiling: where most high points are, else 2.5 m."""
     high = samples[samples[:, 2] > 1.9, 2]
     if len(high) < 100:
@@ -95,7 +107,7 @@ def _ceiling(samples: npt.NDArray[np.float64]) -> float:
     return round(min(max((int(np.argmax(bins)) + 0.5) * 0.02, 1.6), 9.9), 2)
 
 
-def _walls(samples: npt.NDArray[np.float64]) -> list[WallLine]:
+def _walls(samples: Floats) -> list[WallLine]:
     """Return the walls of points on surfaces: cells that are occupied over most of the band's height."""
     import cv2
 
@@ -122,7 +134,32 @@ def _walls(samples: npt.NDArray[np.float64]) -> list[WallLine]:
     solid = cv2.morphologyEx(occupied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((across, across), np.uint8))
     cells = np.where(solid > 0, OCCUPIED, FREE).astype(np.uint8)
     grid = PlanGrid(cells, CELL_M, Pose(float(corner[0]), float(corner[1])))
-    return propose_walls(grid, _LEAST_WALL_M)
+    low_points = samples[(samples[:, 2] > BAND_M[0]) & (samples[:, 2] < BAND_M[1])]
+    return [_refined(wall, inside, low_points) for wall in propose_walls(grid, _LEAST_WALL_M)]
+
+
+def _refined(wall: WallLine, high_points: Floats, low_points: Floats) -> WallLine:
+    """Return a wall moved onto its surfaces, without doorways through which only the camera could pass (windows)."""
+    right_m, left_m = surface_offsets(high_points, wall.start, wall.end, wall.thickness_m / 2 + CELL_M)
+    has_sides = right_m is not None and left_m is not None and left_m - right_m > _SINGLE_M
+    if has_sides:
+        thickness_m, shift_m = left_m - right_m, (left_m + right_m) / 2
+    else:  # one side was scanned
+        thickness_m, shift_m = _SINGLE_M, (left_m or right_m or 0.0)
+    along = (np.array(wall.end) - wall.start) / wall.length_m
+    shift = np.array([-along[1], along[0]]) * shift_m
+
+    def moved(point: tuple[float, float]) -> tuple[float, float]:
+        x, y = (np.array(point) + shift).tolist()
+        return (x, y)
+
+    open_below = [
+        gap
+        for gap in wall.doorways
+        if math.dist(*gap) > 0.3 and surface_offsets(low_points, *gap, wall.thickness_m / 2 + 0.1) == (None, None)
+    ]
+    doorways = tuple((moved(first), moved(last)) for first, last in open_below)
+    return replace(wall, start=moved(wall.start), end=moved(wall.end), thickness_m=thickness_m, doorways=doorways)
 
 
 def _outline(walls: list[WallLine]) -> Polygon:
@@ -137,6 +174,37 @@ def _outline(walls: list[WallLine]) -> Polygon:
     return Polygon(shapely.simplify(largest, 0.03).exterior)
 
 
+def _closing(walls: list[WallLine], room: Polygon) -> list[WallLine]:
+    """Return walls along the parts of the outline where the scan has none, such as windows."""
+    missing = room.exterior.difference(shapely.union_all([_shape(wall) for wall in walls]).buffer(0.06))
+    lines = [line for line in shapely.get_parts(shapely.line_merge(missing)) if isinstance(line, shapely.LineString)]
+    corners = [shapely.simplify(line, 0.03).coords for line in lines]
+    return [
+        WallLine(start, end, _SINGLE_M)
+        for line in corners
+        for start, end in itertools.pairwise(line)
+        if math.dist(start, end) > 0.05
+    ]
+
+
+def _without_repetitions(walls: list[WallLine]) -> list[WallLine]:
+    """Return the walls that are not mostly inside a longer one."""
+    kept: list[WallLine] = []
+    for wall in sorted(walls, key=lambda wall: -wall.length_m):
+        shape = _shape(wall)
+        if all(shape.intersection(_shape(other).buffer(0.03)).area < 0.7 * shape.area for other in kept):
+            kept.append(wall)
+    return kept
+
+
+def _without_ways_out(wall: WallLine, room: Polygon) -> WallLine:
+    """Return a wall without the doorways that lead out of the outline: there the wall was hidden."""
+    inwards = room.buffer(-0.25)
+    return replace(
+        wall, doorways=tuple(gap for gap in wall.doorways if inwards.contains(shapely.LineString(gap).centroid))
+    )
+
+
 def _polygons(shape: shapely.Geometry) -> list[Polygon]:
     parts = shape.geoms if isinstance(shape, MultiPolygon) else [shape]
     return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
@@ -146,7 +214,7 @@ def _shape(wall: WallLine) -> Polygon:
     return shapely.LineString([wall.start, wall.end]).buffer(wall.thickness_m / 2, cap_style="square")
 
 
-def _things(samples: npt.NDArray[np.float64], walls: list[WallLine], room: Polygon) -> list[SiteObject]:
+def _things(samples: Floats, walls: list[WallLine], room: Polygon) -> list[SiteObject]:
     """Return what stands in the way of a robot, as outlines with a height."""
     near_walls = shapely.union_all(
         [
@@ -170,16 +238,21 @@ def _things(samples: npt.NDArray[np.float64], walls: list[WallLine], room: Polyg
     squares = shapely.box(cells[:, 0] - half, cells[:, 1] - half, cells[:, 0] + half, cells[:, 1] + half)
     merged = shapely.union_all(squares).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
     merged = merged.difference(near_walls).intersection(room)
-    blobs = [part for part in _polygons(merged) if part.area > _SMALLEST_M2]
+    blobs = [
+        part
+        for part in _polygons(merged)
+        if part.area > _SMALLEST_M2 and not (part.buffer(-CELL_M).is_empty and part.distance(near_walls) < CELL_M)
+    ]
     blobs.sort(key=lambda part: -part.area)
-    things = []
+    below, things = samples[samples[:, 2] < _CUT_M], []
     for number, blob in enumerate(blobs[:_MOST_OBJECTS], start=1):
         outline = Polygon(shapely.simplify(Polygon(blob.exterior), 0.015).exterior)
         if not outline.is_valid or outline.area < _SMALLEST_M2 / 2:
             outline = box(*blob.bounds)
         x0, y0, x1, y1 = outline.bounds
-        inside = shapely.contains_xy(outline, samples[:, 0], samples[:, 1])
-        heights = samples[inside & (samples[:, 2] < _CUT_M), 2]
+        shapely.prepare(outline)
+        low = below[(below[:, 0] > x0) & (below[:, 0] < x1) & (below[:, 1] > y0) & (below[:, 1] < y1)]
+        heights = low[shapely.contains_xy(outline, low[:, 0], low[:, 1]), 2]
         top = float(np.percentile(heights, 98)) if len(heights) else BAND_M[1]
         things.append(
             SiteObject(
