@@ -17,8 +17,8 @@ import psutil
 
 from vsnbench.simulator.rendering.mesh import build_mesh
 from vsnbench.simulator.rendering.renderer import camera_axes, eye_of
-from vsnbench.simulator.scan.drawing import ScanDrawer
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.camera import Camera

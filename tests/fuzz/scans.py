@@ -99,8 +99,8 @@ class ScanFileTarget:
         self.good = self.path.read_bytes()
 
     def load(self, rng: random.Random, index: int | None) -> None:
-        from vsnbench.simulator.scan.drawing import ScanDrawer
-        from vsnbench.simulator.scan.mesh import parse_scan
+        from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
+        from vsnbench.simulator.rendering.scan.mesh import parse_scan
 
         ScanDrawer(parse_scan(self.good if index is None else mutations.bytes_of(rng, self.good), "room"))
 

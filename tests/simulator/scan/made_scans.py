@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from vsnbench.protocol.free_space import free_space
 from vsnbench.simulator.rendering.renderer import Eye, Renderer, camera_axes
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site
 

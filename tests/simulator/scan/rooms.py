@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 
 SIZE_M = (4.0, 3.0, 2.5)
 _SIDES = {

@@ -8,8 +8,8 @@ import pytest
 
 from tests.simulator.scan.rooms import SIZE_M, of_quads, room
 from vsnbench.errors import SiteError
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.simulator.scan.alignment import align_scan
-from vsnbench.simulator.scan.mesh import ScanMesh
 
 
 def turned(mesh: ScanMesh, matrix: np.ndarray, scale: float = 1.0) -> ScanMesh:

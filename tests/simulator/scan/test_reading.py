@@ -11,7 +11,7 @@ import pytest
 from tests.simulator.scan.made_scans import write_scan
 from tests.simulator.scan.rooms import room
 from vsnbench.errors import SiteError
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.simulator.scan.reading import read_scan
 
 trimesh = pytest.importorskip("trimesh")

@@ -14,9 +14,9 @@ from vsnbench.errors import SiteError
 from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.rendering.light import LightMaps, light_of
 from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
+from vsnbench.simulator.rendering.scan.drawing import ScanDrawer, View
+from vsnbench.simulator.rendering.scan.mesh import load_scan
 from vsnbench.simulator.rendering.textures import SKY, texture_atlas
-from vsnbench.simulator.scan.drawing import ScanDrawer, View
-from vsnbench.simulator.scan.mesh import load_scan
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import LEVEL, Attitude, Pose
 

@@ -1,1 +1,1 @@
-"""Sites that look like a scan of the real place: import, drawing and comparison with the survey."""
+"""Scans of real places: reading, alignment, the site that they propose, and comparison with the survey."""

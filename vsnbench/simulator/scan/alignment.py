@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import SiteError
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 
 UP_AXES: Final = {
     "x": (1, 0, 0),

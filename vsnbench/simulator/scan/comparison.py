@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vsnbench.simulator.scan.mesh import load_scan
+from vsnbench.simulator.rendering.scan.mesh import load_scan
 from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, occupied_points, points_on, surface_offsets
 from vsnbench.site_checks.finding import Severity, SiteFinding, outline, point_text, stretch
 from vsnbench.sites.geometry.walls import solid_shapes, top_m

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 
 CELL_M: Final = 0.025
 """Side of a cell."""

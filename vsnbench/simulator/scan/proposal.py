@@ -11,7 +11,7 @@ from shapely.geometry import MultiPolygon, Polygon, box
 
 from vsnbench.errors import SiteError
 from vsnbench.protocol.free_space import free_space
-from vsnbench.simulator.scan.mesh import Bytes, ScanMesh
+from vsnbench.simulator.rendering.scan.mesh import Bytes, ScanMesh
 from vsnbench.simulator.scan.occupancy import (
     BAND_M,
     CELL_M,
@@ -271,7 +271,7 @@ def top_down(mesh: ScanMesh) -> tuple[Bytes, tuple[float, float]]:
 
     A pixel is `PLAN_M` wide; the camera is so high that walls show no sides.
     """
-    from vsnbench.simulator.scan.drawing import ScanDrawer
+    from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
 
     low = np.array([mesh.vertices[:, 0].min(), mesh.vertices[:, 1].min()]) - 0.2
     size = np.ceil((np.array([mesh.vertices[:, 0].max(), mesh.vertices[:, 1].max()]) + 0.2 - low) / PLAN_M).astype(int)

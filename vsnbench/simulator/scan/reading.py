@@ -16,8 +16,7 @@ import numpy.typing as npt
 from vsnbench.errors import SiteError
 from vsnbench.files.regular import open_regular
 from vsnbench.installation import command_to_add
-from vsnbench.simulator.scan.glb import check_glb
-from vsnbench.simulator.scan.mesh import (
+from vsnbench.simulator.rendering.scan.mesh import (
     MOST_BYTES,
     MOST_TEXELS,
     MOST_TEXTURES,
@@ -26,7 +25,8 @@ from vsnbench.simulator.scan.mesh import (
     Bytes,
     ScanMesh,
 )
-from vsnbench.simulator.scan.pixels import fill_holes, mark_triangles
+from vsnbench.simulator.rendering.scan.pixels import fill_holes, mark_triangles
+from vsnbench.simulator.scan.glb import check_glb
 
 DEFAULT_UP: Final = {".glb": "y", ".obj": "y", ".ply": "z"}
 """Axis that points up, by the kind of file."""

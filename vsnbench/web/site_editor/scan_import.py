@@ -9,8 +9,8 @@ import cv2
 from vsnbench.errors import SiteError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.interop.site_file import site_yaml
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.simulator.scan.alignment import align_scan
-from vsnbench.simulator.scan.mesh import ScanMesh
 from vsnbench.simulator.scan.proposal import PLAN_M, propose_site, top_down
 from vsnbench.simulator.scan.reading import read_scan
 from vsnbench.sites.scan import SiteScan

@@ -7,8 +7,8 @@ import pytest
 
 from tests.simulator.scan.rooms import SIZE_M, TABLE_M, of_quads, room
 from vsnbench.simulator.rendering.renderer import Eye, camera_axes
-from vsnbench.simulator.scan.drawing import ScanDrawer
-from vsnbench.simulator.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
+from vsnbench.simulator.rendering.scan.mesh import ScanMesh
 from vsnbench.sites.site import SiteObject
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 100.0

@@ -11,7 +11,7 @@ import pytest
 
 from tests.simulator.scan.rooms import room
 from vsnbench.errors import SiteError
-from vsnbench.simulator.scan.mesh import load_scan, parse_scan
+from vsnbench.simulator.rendering.scan.mesh import load_scan, parse_scan
 
 
 def content(**changes: Any) -> bytes:

@@ -7,9 +7,9 @@ import numpy.typing as npt
 import shapely
 
 from vsnbench.simulator.rendering.raster import nearest_first
-from vsnbench.simulator.scan.mesh import Bytes, Floats, Ints, ScanMesh
-from vsnbench.simulator.scan.pixels import fill_holes, label_points
-from vsnbench.simulator.scan.raster import LEVELS, draw_triangles, shade_triangles
+from vsnbench.simulator.rendering.scan.mesh import Bytes, Floats, Ints, ScanMesh
+from vsnbench.simulator.rendering.scan.pixels import fill_holes, label_points
+from vsnbench.simulator.rendering.scan.raster import LEVELS, draw_triangles, shade_triangles
 from vsnbench.sites.geometry.walls import top_m
 from vsnbench.sites.site import SiteObject
 
