@@ -57,7 +57,7 @@ def without(hidden: str, line: str, results: Path) -> "subprocess.CompletedProce
         *line.split(),
         *([] if "ros2" in line else ["--results", str(results)]),
     ]
-    if "models check" in line or "--db" in line or "robots" in line:
+    if any(verb in line for verb in ("models check", "--db", "robots", "sites scan")):
         words = words[:-2]
     return subprocess.run(words, cwd=results.parent, capture_output=True, text=True, timeout=200)
 

@@ -147,6 +147,7 @@ def test_the_site_names_the_scan_by_its_hash_and_the_editor_has_it_as_background
     assert site.scan is not None
     assert site.scan.sha256 == hashlib.sha256(room.path.with_name("lab.scan.npz").read_bytes()).hexdigest()
     assert site.content()["scan"] == {"sha256": site.scan.sha256}
+    assert Site.model_validate(site.content()).sha256 == site.sha256  # in a record and in its bundles
     background = Underlay.load(room.path)
     assert background is not None
     assert background.place.to_scale

@@ -54,6 +54,7 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
     points = np.empty((3, 3))
     clipped = np.empty((4, 3))
     screen = np.empty((4, 2))
+    edges = np.empty((4, 4))
     slope_x = max(centre_x + 0.5, width - centre_x) / focal
     slope_y = max(centre_y + 0.5, height - centre_y) / focal
     norm_x = np.sqrt(1.0 + slope_x * slope_x)
@@ -127,32 +128,34 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
             bx, by, bz = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1], points[2, 2] - points[0, 2]
             nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
             away = nx * points[0, 0] + ny * points[0, 1] + nz * points[0, 2]
-            if abs(away) < 1e-15:
+            size2 = (nx * nx + ny * ny + nz * nz) * (
+                points[0, 0] * points[0, 0] + points[0, 1] * points[0, 1] + points[0, 2] * points[0, 2]
+            )
+            if away * away <= 1e-14 * size2:  # seen from its edge
                 continue
-            # Of a sliver the plane is uncertain, so that no pixel may be nearer or farther than its corners.
-            z0, z1, z2 = max(points[0, 2], NEAR_M), max(points[1, 2], NEAR_M), max(points[2, 2], NEAR_M)
-            nearest, farthest = 1.0 / min(z0, z1, z2), 1.0 / max(z0, z1, z2)
             per_x, per_y = nx / (away * focal), ny / (away * focal)
             base = nz / away - per_x * centre_x - per_y * centre_y
+            for k in range(count):
+                after = k + 1 if k + 1 < count else 0
+                # An edge is always traversed from its upper end, so that adjacent triangles leave no gap.
+                if screen[k, 1] < screen[after, 1]:
+                    upper, lower = k, after
+                else:
+                    upper, lower = after, k
+                edges[k, 0], edges[k, 1], edges[k, 2] = screen[upper, 1], screen[lower, 1], screen[upper, 0]
+                rise = screen[lower, 1] - screen[upper, 1]
+                edges[k, 3] = (screen[lower, 0] - screen[upper, 0]) / rise if rise > 0.0 else 0.0
             for row in range(top, bottom + 1):
                 left, right = 1e30, -1e30
                 for k in range(count):
-                    after = k + 1 if k + 1 < count else 0
-                    # An edge is always traversed from its upper end, so that adjacent triangles leave no gap.
-                    if screen[k, 1] < screen[after, 1]:
-                        upper, lower = k, after
-                    else:
-                        upper, lower = after, k
-                    y0, y1 = screen[upper, 1], screen[lower, 1]
-                    if y0 <= row < y1:
-                        x0 = screen[upper, 0]
-                        x_at = x0 + (row - y0) * ((screen[lower, 0] - x0) / (y1 - y0))
+                    if edges[k, 0] <= row < edges[k, 1]:
+                        x_at = edges[k, 2] + (row - edges[k, 0]) * edges[k, 3]
                         left, right = min(left, x_at), max(right, x_at)
                 low = int(np.ceil(max(left, 0.0)))
                 high = int(np.ceil(min(right, float(width)))) - 1
                 along = base + per_y * row
                 for column in range(low, high + 1):
-                    value = np.float32(min(max(along + per_x * column, farthest), nearest))
+                    value = np.float32(along + per_x * column)
                     if value > nearness[row, column]:
                         nearness[row, column] = value
                         seen[row, column] = face
@@ -206,6 +209,8 @@ def shade_triangles(  # noqa: PLR0913 - compiled functions take arrays, not obje
     holes = 0
     for row in range(height):
         down = (row - centre_y) / focal
+        for x in range(width):
+            depth[row, x] = np.float32(1.0) / nearness[row, x]
         column = 0
         while column < width:
             face = seen[row, column]
@@ -257,15 +262,17 @@ def shade_triangles(  # noqa: PLR0913 - compiled functions take arrays, not obje
                     level += 1
                 wide, high = sizes[picture, 0] >> level, sizes[picture, 1] >> level
                 start = starts[picture, level]
+            # Each value along the row is (a + b x) / (c + d x).
+            d, c = total_x / focal, total_y * down + total_z - total_x * centre_x / focal
+            for channel in range(3):
+                sums[channel, 1] = sums[channel, 1] * down + sums[channel, 2] - sums[channel, 0] * centre_x / focal
+                sums[channel, 0] /= focal
+            a0, b0, a1, b1 = sums[0, 1], sums[0, 0], sums[1, 1], sums[1, 0]
             for x in range(column, end):
-                right = (x - centre_x) / focal
-                depth[row, x] = np.float32(1.0) / nearness[row, x]
-                total = total_x * right + total_y * down + total_z
-                scale = 1.0 / total if total != 0.0 else 0.0
-                first = (sums[0, 0] * right + sums[0, 1] * down + sums[0, 2]) * scale
-                second = (sums[1, 0] * right + sums[1, 1] * down + sums[1, 2]) * scale
+                scale = 1.0 / (c + d * x)
+                first, second = (a0 + b0 * x) * scale, (a1 + b1 * x) * scale
                 if picture < 0:
-                    third = (sums[2, 0] * right + sums[2, 1] * down + sums[2, 2]) * scale
+                    third = (sums[2, 1] + sums[2, 0] * x) * scale
                     rgb[row, x, 0] = np.uint8(min(max(first + 0.5, 0.0), 255.0))
                     rgb[row, x, 1] = np.uint8(min(max(second + 0.5, 0.0), 255.0))
                     rgb[row, x, 2] = np.uint8(min(max(third + 0.5, 0.0), 255.0))
@@ -274,12 +281,9 @@ def shade_triangles(  # noqa: PLR0913 - compiled functions take arrays, not obje
                 left, above = np.floor(u), np.floor(v)
                 share_u, share_v = np.uint32((u - left) * 256.0), np.uint32((v - above) * 256.0)
                 i0, j0 = np.int64(left), np.int64(above)
-                i1, j1 = i0 + 1, j0 + 1
-                i0 = i0 + wide if i0 < 0 else i0
-                j0 = j0 + high if j0 < 0 else j0
-                i1 = i1 - wide if i1 >= wide else i1
-                j1 = j1 - high if j1 >= high else j1
-                i0, j0 = min(i0, wide - 1), min(j0, high - 1)
+                i0, j0 = i0 + wide if i0 == -1 else i0, j0 + high if j0 == -1 else j0
+                i0, j0 = i0 if 0 <= i0 < wide else 0, j0 if 0 <= j0 < high else 0  # not a number, seen from the edge
+                i1, j1 = i0 + 1 if i0 + 1 < wide else 0, j0 + 1 if j0 + 1 < high else 0
                 upper = _mixed(texels[start + j0 * wide + i0], texels[start + j0 * wide + i1], share_u)
                 lower = _mixed(texels[start + j1 * wide + i0], texels[start + j1 * wide + i1], share_u)
                 color = _mixed(upper, lower, share_v)
