@@ -33,7 +33,8 @@ _STOREY_M: Final = 1.9
 """Minimum height of a second storey's floor above the first one."""
 _STOREY_SHARE: Final = 0.35
 _HEIGHTS_M: Final = (1.0, 8.0)
-_WIDTHS_M: Final = (1.0, 150.0)
+_WIDTHS_M: Final = (1.0, 80.0)
+_MARGIN, _MARGIN_M = 0.1, 2.0
 _FURNITURE_M: Final = (0.25, 1.3)
 
 Floats = npt.NDArray[np.float64]
@@ -55,8 +56,15 @@ def align_scan(mesh: ScanMesh, up: str, metres_per_unit: float) -> tuple[ScanMes
             (`scan-scale`) or several storeys (`scan-storeys`).
     """
     vertices = mesh.vertices.astype(np.float64) * metres_per_unit
-    _check_size(vertices, UP_AXES[up])
-    corners = vertices[mesh.faces]
+    low, high = np.percentile(vertices, 1, axis=0), np.percentile(vertices, 99, axis=0)
+    _check_size(high - low, UP_AXES[up])
+    margin_m = _MARGIN_M + _MARGIN * (high - low)
+    # Single triangles far away are faults of a scan; they would make every grid too large.
+    is_near = np.asarray(((vertices > low - margin_m) & (vertices < high + margin_m)).all(axis=1))
+    near = is_near[mesh.faces].all(axis=1)
+    vertices = np.clip(vertices, low - margin_m, high + margin_m)
+    values = {name: getattr(mesh, name)[near] for name in ("faces", "texture", "uv")}
+    corners = vertices[values["faces"]]
     rotation = _from_to(np.array(UP_AXES[up], float), np.array([0.0, 0.0, 1.0]))
     middles, normals, areas = _faces(corners)
     rotation, height_m = _level(middles, normals, areas, rotation, up)
@@ -70,12 +78,10 @@ def align_scan(mesh: ScanMesh, up: str, metres_per_unit: float) -> tuple[ScanMes
     transformation = np.eye(4)
     transformation[:3, :3], transformation[:3, 3] = rotation * metres_per_unit, shift
     aligned = np.round(placed + shift, 5).astype(np.float32)
-    values = {name: getattr(mesh, name) for name in ("faces", "colors", "texture", "uv", "textures")}
-    return ScanMesh(aligned, **values), transformation
+    return ScanMesh(aligned, colors=mesh.colors, textures=mesh.textures, **values), transformation
 
 
-def _check_size(vertices: Floats, up: tuple[int, int, int]) -> None:
-    spread = np.percentile(vertices, 99, axis=0) - np.percentile(vertices, 1, axis=0)
+def _check_size(spread: Floats, up: tuple[int, int, int]) -> None:
     high_m = float(abs(spread @ np.array(up)))
     wide_m = float(max(size for size, axis in zip(spread.tolist(), up, strict=True) if not axis))
     if _HEIGHTS_M[0] <= high_m <= _HEIGHTS_M[1] and _WIDTHS_M[0] <= wide_m <= _WIDTHS_M[1]:

@@ -15,13 +15,13 @@ BAND_M: Final = (0.06, 0.60)
 OUTLINE_M: Final = 0.03
 _STEP_M: Final = 0.02
 _END_M, _STRETCH_M, _BIN_M = 0.1, 0.05, 0.01
-_MOST_POINTS: Final = 20_000_000
+_MOST_POINTS: Final = 8_000_000
 
 Floats = npt.NDArray[np.float64]
 
 
 def points_on(mesh: ScanMesh) -> Floats:
-    """Return points (N, 3) on the triangles, at most 2 cm apart, below 4 m; coarser for more than 20 million."""
+    """Return points (N, 3) on the triangles, at most 2 cm apart, below 4 m; coarser for more than 8 million."""
     corners = mesh.corners.astype(np.float64)
     corners = corners[(corners[..., 2].min(axis=1) < 4.0) & (corners[..., 2].max(axis=1) > -1.0)]
     sides = corners - np.roll(corners, 1, axis=1)

@@ -141,8 +141,7 @@ def _walls(samples: Floats) -> list[WallLine]:
 def _refined(wall: WallLine, high_points: Floats, low_points: Floats) -> WallLine:
     """Return a wall moved onto its surfaces, without doorways through which only the camera could pass (windows)."""
     right_m, left_m = surface_offsets(high_points, wall.start, wall.end, wall.thickness_m / 2 + CELL_M)
-    has_sides = right_m is not None and left_m is not None and left_m - right_m > _SINGLE_M
-    if has_sides:
+    if right_m is not None and left_m is not None and left_m - right_m > _SINGLE_M:
         thickness_m, shift_m = left_m - right_m, (left_m + right_m) / 2
     else:  # one side was scanned
         thickness_m, shift_m = _SINGLE_M, (left_m or right_m or 0.0)
@@ -168,10 +167,10 @@ def _outline(walls: list[WallLine]) -> Polygon:
     closed = footprints.buffer(0.45, join_style="mitre").buffer(-0.45, join_style="mitre")
     parts = [Polygon(part.exterior) for part in _polygons(closed)]
     whole = shapely.union_all(parts)
-    largest = max(_polygons(whole), key=lambda part: part.area)
-    if largest.area < 0.5 * footprints.envelope.area:  # open on a side
-        largest = footprints.envelope
-    return Polygon(shapely.simplify(largest, 0.03).exterior)
+    outline = max(_polygons(whole), key=lambda part: part.area)
+    if outline.area < 0.5 * footprints.envelope.area:  # open on a side
+        outline = box(*footprints.bounds)
+    return Polygon(shapely.simplify(outline, 0.03).exterior)
 
 
 def _closing(walls: list[WallLine], room: Polygon) -> list[WallLine]:
@@ -180,7 +179,7 @@ def _closing(walls: list[WallLine], room: Polygon) -> list[WallLine]:
     lines = [line for line in shapely.get_parts(shapely.line_merge(missing)) if isinstance(line, shapely.LineString)]
     corners = [shapely.simplify(line, 0.03).coords for line in lines]
     return [
-        WallLine(start, end, _SINGLE_M)
+        WallLine(_point(start), _point(end), _SINGLE_M)
         for line in corners
         for start, end in itertools.pairwise(line)
         if math.dist(start, end) > 0.05
@@ -237,10 +236,10 @@ def _things(samples: Floats, walls: list[WallLine], room: Polygon) -> list[SiteO
     half = CELL_M / 2
     squares = shapely.box(cells[:, 0] - half, cells[:, 1] - half, cells[:, 0] + half, cells[:, 1] + half)
     merged = shapely.union_all(squares).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
-    merged = merged.difference(near_walls).intersection(room)
+    standing = merged.difference(near_walls).intersection(room)
     blobs = [
         part
-        for part in _polygons(merged)
+        for part in _polygons(standing)
         if part.area > _SMALLEST_M2 and not (part.buffer(-CELL_M).is_empty and part.distance(near_walls) < CELL_M)
     ]
     blobs.sort(key=lambda part: -part.area)

@@ -33,6 +33,7 @@ DEFAULT_UP: Final = {".glb": "y", ".obj": "y", ".ply": "z"}
 _MOST_IMAGE_BYTES = 100_000_000
 _MOST_MATERIAL_BYTES = 1_000_000
 _HEADER_BYTES = 16_384
+_MOST_OVERLAPS = 10
 _FORMATS = ("PNG", "JPEG", "WEBP")
 _DECIMATE = "decimate it in the scanning app, or in MeshLab (Quadric Edge Collapse Decimation)"
 _GREY = (160, 160, 160)
@@ -205,6 +206,8 @@ def _joined(parts: list[Any]) -> ScanMesh:
     start = 0
     for part in parts:
         points, triangles = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+        if points.shape[1:] != (3,) or triangles.shape[1:] != (3,):
+            raise ValueError("its vertices do not have three coordinates")
         if triangles.min() < 0 or triangles.max() >= len(points):
             raise ValueError("a triangle has a vertex that does not exist")
         image, coordinates, shade = _look_of(part, len(points))
@@ -292,7 +295,11 @@ def _fill_unused(picture: Bytes, uv: npt.NDArray[np.float32]) -> None:
     """Fill the pixels of a texture that no triangle shows, so that its smaller sizes have no foreign colours."""
     if not ((uv > -0.01) & (uv < 1.01)).all():
         return  # it repeats
+    corners = uv * np.array(picture.shape[1::-1], np.float32)
+    boxes = (corners.max(axis=1) - corners.min(axis=1) + 3).astype(np.float64).prod(axis=1)
+    if boxes.sum() > _MOST_OVERLAPS * picture.size:
+        return  # triangles share its pixels
     shown = np.zeros(picture.shape[:2], np.bool_)
-    mark_triangles(uv * np.array(picture.shape[1::-1], np.float32), shown)
+    mark_triangles(corners, shown)
     if not shown.all() and shown.any():
         fill_holes(picture, shown)

@@ -158,9 +158,9 @@ def _parsed(data: bytes) -> ScanMesh:
                 raise ValueError(f"the array {name} is missing")
             return _array(archive.read(entries[name]), name, kind, shape)
 
-        arrays = [array(name, kind, shape) for name, (kind, shape) in _ARRAYS.items()]
+        arrays: dict[str, Any] = {name: array(name, kind, shape) for name, (kind, shape) in _ARRAYS.items()}
         pictures = (array(f"texture-{number}", "|u1", ()) for number in range(len(entries) - len(_ARRAYS)))
-        return ScanMesh(*arrays, textures=decode_textures(picture.tobytes() for picture in pictures))
+        return ScanMesh(**arrays, textures=decode_textures(picture.tobytes() for picture in pictures))
 
 
 def _array(data: bytes, name: str, kind: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:

@@ -206,7 +206,7 @@ def shade_triangles(  # noqa: PLR0913 - compiled functions take arrays, not obje
     height, width = nearness.shape
     points = np.empty((3, 3))
     sums = np.empty((3, 3))
-    holes = 0
+    holes, none = 0, np.int64(0)
     for row in range(height):
         down = (row - centre_y) / focal
         for x in range(width):
@@ -282,7 +282,10 @@ def shade_triangles(  # noqa: PLR0913 - compiled functions take arrays, not obje
                 share_u, share_v = np.uint32((u - left) * 256.0), np.uint32((v - above) * 256.0)
                 i0, j0 = np.int64(left), np.int64(above)
                 i0, j0 = i0 + wide if i0 == -1 else i0, j0 + high if j0 == -1 else j0
-                i0, j0 = i0 if 0 <= i0 < wide else 0, j0 if 0 <= j0 < high else 0  # not a number, seen from the edge
+                i0, j0 = (
+                    i0 if 0 <= i0 < wide else none,
+                    j0 if 0 <= j0 < high else none,
+                )  # not a number, seen from the edge
                 i1, j1 = i0 + 1 if i0 + 1 < wide else 0, j0 + 1 if j0 + 1 < high else 0
                 upper = _mixed(texels[start + j0 * wide + i0], texels[start + j0 * wide + i1], share_u)
                 lower = _mixed(texels[start + j1 * wide + i0], texels[start + j1 * wide + i1], share_u)
