@@ -38,6 +38,7 @@ NOT_RUN = {
     "a second terminal": "tests/runner/executors/test_served_workers.py serves a model to several workers",
     "Node": "tests/examples/test_node_policy.py starts the server and runs a goal in words, if Node is installed",
     "a person": "tests/web/driver drives through the page, in a run and in a browser",
+    "a scan": "tests/cli/test_site_scan.py imports made scans and runs trials in them",
     "a display": "tests/cli/results/test_view.py opens Rerun's viewer in a browser",
     "an address": "of weights; tests/cli/models/test_fetching.py fetches from a local server",
 }

@@ -43,7 +43,8 @@ def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
         primitives.extend(_stand(thing, index + 1))
         if not is_surveyed_only:
             primitives.extend(_laid_on(thing, site.objects))
-    scene = Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m)
+    labelled = () if site.scan is None else tuple(site.objects)
+    scene = Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m, site.scan, labelled)
     _built.append((site, is_surveyed_only, scene))
     return scene
 
