@@ -20,6 +20,7 @@ from vsnbench import __version__
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
 from vsnbench.files.atomic import sweep_parts, write_atomic
 from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.report.analysis.failures import failure_kinds
 from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
@@ -189,13 +190,15 @@ def write_single_file(
     """
     if file.exists() and not (file.is_file() and _MARK.encode() in file.read_bytes()[:2000]):
         raise UsageError(f"{file} exists, and vsnbench did not write it", advice="choose a new name", code="exists")
-    report, report_page = _report(results, selection, "#/")
-    if (count := len(report.record.episodes)) > MAX_EPISODES:
+    with open_record(results.database_url) as engine:
+        count = len(read_report_data(engine, selection).episodes)
+    if count > MAX_EPISODES:
         raise UsageError(
             f"{count:,} episodes: a single file has at most {MAX_EPISODES}",
             advice="choose some by --model, --goal or --campaign, or write all with --website DIR",
             code="too-many-episodes",
         )
+    report, report_page = _report(results, selection, "#/")
     data: dict[str, bytes] = {"report.html": _json(report_page)}
     images: dict[int, dict[str, bytes]] = {}
     for path, content in _contents(results, report, _WITHIN, {"report": "#/report", "videos": False}, progress):
