@@ -102,7 +102,7 @@ def episodes_json(engine: Engine) -> dict[str, Any]:
     }
 
 
-_NOTES: Final = union_all(
+_NOTES: Final[Any] = union_all(
     select(tables.EventRow.episode_id, tables.EventRow.text).where(
         tables.EventRow.kind == NOTE, tables.EventRow.episode_id.is_not(None)
     ),
@@ -150,7 +150,7 @@ def cards_json(engine: Engine, numbers: Sequence[int]) -> dict[int, dict[str, An
     last = last.where(tables.StepRow.episode_id.in_(numbers), tables.StepRow.rgb_digest.is_not(None))
     sites = episodes_of_campaigns(tables.EpisodeRow.id, tables.SiteRow.sha256)
     with record_errors(engine), reading(engine).begin() as connection:
-        images = dict(connection.execute(last).tuples().all())
+        images = dict(connection.execute(last).all())
         known = connection.execute(sites.where(tables.EpisodeRow.id.in_(numbers))).all()
     courses = read_courses(engine, numbers)
     return {

@@ -203,8 +203,8 @@ def write_single_file(
     images: dict[int, dict[str, bytes]] = {}
     for path, content in _contents(results, report, _WITHIN, {"report": "#/report", "videos": False}, progress):
         if path.startswith("images/"):
-            _, number, name = path.split("/")
-            images.setdefault(int(number), {})[name.partition(".")[0]] = content
+            _, episode, name = path.split("/")
+            images.setdefault(int(episode), {})[name.partition(".")[0]] = content
         else:
             data[path] = content
     size = sum(map(len, data.values())) + sum(len(text) for text in _scripts()) + 50_000
