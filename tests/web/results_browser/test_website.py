@@ -21,8 +21,8 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.writing.journal import Journal
-from vsnbench.web.results_browser import website
-from vsnbench.web.results_browser.website import write_single_file
+from vsnbench.web.results_browser import single_file
+from vsnbench.web.results_browser.single_file import write_single_file
 
 
 class _Quiet(SimpleHTTPRequestHandler):
@@ -195,7 +195,7 @@ def test_pictures_are_left_out_until_a_single_file_fits(
     file = tmp_path / "results.html"
     whole = write_single_file(results, Selection(), file)
     sizes = [len(file.read_bytes())]
-    monkeypatch.setattr(website, "MAX_BYTES", 0)
+    monkeypatch.setattr(single_file, "MAX_BYTES", 0)
     least = write_single_file(results, Selection(), file)
     sizes.append(len(file.read_bytes()))
     assert (whole.images, whole.every) == (12, 1)
@@ -210,7 +210,7 @@ def test_a_file_of_others_and_too_many_episodes_are_refused(
     done = vsnbench(site / "results", "report", "--single-file", str(tmp_path / "thesis.html"))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert (tmp_path / "thesis.html").read_text() == "mine"
-    monkeypatch.setattr(website, "MAX_EPISODES", 4)
+    monkeypatch.setattr(single_file, "MAX_EPISODES", 4)
     with pytest.raises(UsageError) as refused:
         write_single_file(ResultsDirectory.locate(site / "results", None), Selection(), tmp_path / "all.html")
     assert refused.value.code == "too-many-episodes"

@@ -216,7 +216,8 @@ def _write_website(
 ) -> None:
     """Write a website into a directory, or as a single file."""
     from vsnbench.cli.support.progress import ProgressBars
-    from vsnbench.web.results_browser.website import WEBSITE, write_single_file, write_website
+    from vsnbench.web.results_browser.single_file import write_single_file
+    from vsnbench.web.results_browser.website import WEBSITE, write_website
 
     with ProgressBars() as progress:
         if directory is not None:

@@ -1,18 +1,12 @@
-"""Writes the page of results as files for a static host or a browser: report, episodes, images, videos.
+"""Writes the page of results as files for a static host or a browser: report, episodes, images, videos."""
 
-A website is a directory with the pictures beside the pages; a single file has everything in it, except videos.
-"""
-
-import base64
-import hashlib
 import json
-import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import cv2
 
@@ -20,13 +14,11 @@ from vsnbench import __version__
 from vsnbench.errors import RecordError, UsageError, VsnbenchError
 from vsnbench.files.atomic import sweep_parts, write_atomic
 from vsnbench.report.analysis.conditions import Selection
-from vsnbench.report.analysis.episodes_frame import read_report_data
 from vsnbench.report.analysis.failures import failure_kinds
 from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
 from vsnbench.report.figures.style import PAGE_FORMATS
 from vsnbench.report.formats.html import html_page
-from vsnbench.report.formats.json import to_json
 from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.headline import headlines
@@ -40,28 +32,21 @@ from vsnbench.values.encoding.images import decode_picture
 from vsnbench.viewer.replay import read_episode
 from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.web.results_browser.app import ASSETS
-from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, cards_json, episodes_json, page_of, site_of
+from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, page_of, site_of
 from vsnbench.web.site_editor.drawing import plan_svg
 from vsnbench.web_server.pages import SHARED_ASSETS, STYLE_SHEET, style_sheet
 
 HEADLINE: Final = "headline.json"
 GALLERY_PAGE: Final = "index.html"
 REPORT_PAGE: Final = "report.html"
-MAX_EPISODES: Final = 100
-"""Maximum number of episodes in a single file."""
-MAX_BYTES: Final = 25_000_000
-"""Maximum size of a single file, which mail servers accept; pictures are left out until it fits."""
 _OWN_DIRECTORIES = ("assets", "data", "images", "plan", "shared", "video")
 _FORMERLY: Final = "episodes.html"
 """A page that earlier versions wrote."""
 _OWN_FILES = "'self' file:"  # the second for a website that is opened as files
-_MARK = '<meta name="generator" content="vsnbench single file">'
-_Item = TypeVar("_Item")
 Progress = Callable[[str, int, int], object]
 Picture = tuple[str, int, int]
 """Format for `cv2.imencode`, maximum width in pixels, and quality."""
 _BESIDE: Final[Picture] = (".jpg", 480, 80)
-_WITHIN: Final[Picture] = (".webp", 320, 60)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,16 +121,16 @@ def write_website(
         RecordError: the record cannot be read, or a file cannot be written.
     """
     _check(directory)
-    report, report_page = _report(results, selection, f"{GALLERY_PAGE}#/")
+    report, report_page = report_and_page(results, selection, f"{GALLERY_PAGE}#/")
     _clear(directory)
     write_atomic(directory / REPORT_PAGE, report_page.encode())
     write_atomic(
         directory / "report.json",
         to_json(report.results, report.questions, report.activity, report.record, raters=report.raters).encode(),
     )
-    write_atomic(directory / HEADLINE, _json(_headline(report)))
+    write_atomic(directory / HEADLINE, json_bytes(_headline(report)))
     policy = f"script-src {_OWN_FILES}; style-src {_OWN_FILES}; img-src {_OWN_FILES}"
-    front = _front(policy).replace("<html ", '<html data-static="files" ')
+    front = front_page(policy).replace("<html ", '<html data-static="files" ')
     write_atomic(directory / GALLERY_PAGE, front.encode())
     for name, source in (("assets", ASSETS), ("shared", SHARED_ASSETS)):
         for file in sorted(source.iterdir()):
@@ -153,131 +138,40 @@ def write_website(
                 write_atomic(directory / name / file.name, file.read_bytes())
     write_atomic(directory / "shared" / STYLE_SHEET, style_sheet().encode())
     images: dict[int, int] = {}
-    for path, content in _contents(results, report, _BESIDE, {"report": REPORT_PAGE, "videos": with_videos}, progress):
+    for path, content in contents(results, report, _BESIDE, {"report": REPORT_PAGE, "videos": with_videos}, progress):
         if path.startswith("images/"):
             number = int(path.split("/")[1])
             images[number] = images.get(number, 0) + 1
             write_atomic(directory / path, content)
         else:  # what a server answers, as a script that the page can also load from a file
-            write_atomic(directory / f"{path}.js", b"provide(%s,%s);\n" % (_json(path), content))
+            write_atomic(directory / f"{path}.js", b"provide(%s,%s);\n" % (json_bytes(path), content))
     problems = _write_videos(results, directory, sorted(images), progress) if with_videos else []
     episodes = len(report.record.episodes)
     videos = len(images) - len(problems) if with_videos else 0
     return WrittenWebsite(directory / GALLERY_PAGE, episodes, sum(images.values()), videos, tuple(problems))
 
 
-def write_single_file(
-    results: ResultsDirectory,
-    selection: Selection,
-    file: Path,
-    *,
-    progress: Progress = lambda _what, _done, _of: None,
-) -> WrittenWebsite:
-    """Write report, episodes, notes and images as one page of at most `MAX_BYTES`; an earlier one is replaced.
-
-    If not all images fit, those of every second action are written, or of every third, and so on, and always the last
-    one of each episode. Films and videos are left out.
-
-    Args:
-        results: the results directory.
-        selection: part of the record to show.
-        file: new, or an earlier single file.
-        progress: called with a kind of work, what is done of it, and all of it.
-
-    Raises:
-        UsageError: the file is of others (`exists`), or there are more than `MAX_EPISODES` (`too-many-episodes`).
-        RecordError: the record cannot be read, or the file cannot be written.
-    """
-    if file.exists() and not (file.is_file() and _MARK.encode() in file.read_bytes()[:2000]):
-        raise UsageError(f"{file} exists, and vsnbench did not write it", advice="choose a new name", code="exists")
-    with open_record(results.database_url) as engine:
-        count = len(read_report_data(engine, selection).episodes)
-    if count > MAX_EPISODES:
-        raise UsageError(
-            f"{count:,} episodes: a single file has at most {MAX_EPISODES}",
-            advice="choose some by --model, --goal or --campaign, or write all with --website DIR",
-            code="too-many-episodes",
-        )
-    report, report_page = _report(results, selection, "#/")
-    data: dict[str, bytes] = {"report.html": _json(report_page)}
-    images: dict[int, dict[str, bytes]] = {}
-    for path, content in _contents(results, report, _WITHIN, {"report": "#/report", "videos": False}, progress):
-        if path.startswith("images/"):
-            _, episode, name = path.split("/")
-            images.setdefault(int(episode), {})[name.partition(".")[0]] = content
-        else:
-            data[path] = content
-    size = sum(map(len, data.values())) + sum(len(text) for text in _scripts()) + 50_000
-    every = _every(images.values(), MAX_BYTES - size)
-    written = 0
-    for number, pictures in images.items():
-        kept = {name: pictures[name] for name in _kept(list(pictures), every)}
-        written += len(kept)
-        data[f"images/{number}"] = _json(
-            {name: f"data:image/webp;base64,{base64.b64encode(picture).decode()}" for name, picture in kept.items()}
-        )
-    write_atomic(file, _single_page(data, every).encode())
-    return WrittenWebsite(file, count, written, 0, (), every)
-
-
-def _report(results: ResultsDirectory, selection: Selection, gallery: str) -> tuple[Report, str]:
+def report_and_page(results: ResultsDirectory, selection: Selection, gallery: str) -> tuple[Report, str]:
     """Return the report and its page, which links to the gallery of episodes at an address."""
     report, drawings = build_and_draw(results.database_url, selection, results.path, formats=PAGE_FORMATS)
     return report, html_page(report, report.tables(long=True), drawings, gallery=gallery)
 
 
-def _front(policy: str) -> str:
+def front_page(policy: str) -> str:
     """Return the page of episodes with what it may load."""
     policy = f"default-src 'none'; {policy}; base-uri 'none'; form-action 'none'"
     meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<title>'
     return (ASSETS / "browse.html").read_text(encoding="utf-8").replace("<title>", meta)
 
 
-_LINKED = re.compile(r'<script defer src="assets/([\w.]+)"></script>\n|<link rel="(?:stylesheet|icon)"[^>]*>\n')
-
-
-def _scripts() -> list[str]:
-    """Return the page's scripts in their order."""
-    page = (ASSETS / "browse.html").read_text(encoding="utf-8")
-    return [(ASSETS / name[1]).read_text(encoding="utf-8") for name in _LINKED.finditer(page) if name[1]]
-
-
-def _single_page(data: dict[str, bytes], every: int) -> str:
-    """Return the page with its style, its scripts, and what a server would answer as blocks of JSON."""
-    script = "\n".join(_scripts())
-    own = re.search(r"<script>(.*?)</script>", json.loads(data["report.html"]), re.DOTALL)  # also within this page
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-        for text in (script, own[1] if own else "")
-    )
-    page = _LINKED.sub("", _front(f"script-src {hashes}; style-src 'unsafe-inline'; img-src data:"))
-    style = style_sheet() + (ASSETS / "browse.css").read_text(encoding="utf-8")
-    page = page.replace("<html ", f'<html data-static="single" data-every="{every}" ')
-    page = page.replace("<title>", f'{_MARK}\n<link rel="icon" href="data:,">\n<style>{style}</style>\n<title>')
-    blocks = "".join(
-        f'<script type="application/json" id="{path}">{content.decode()}</script>\n' for path, content in data.items()
-    )
-    return page.replace("</body>", f"{blocks}<script>{script}</script>\n</body>")
-
-
-def _every(episodes: Iterable[dict[str, bytes]], most: int) -> int:
-    """Return the smallest n for which every nth picture of each episode fits into a number of bytes as base64."""
-    every, sizes = 1, [[(name, len(picture) * 4 // 3 + 60) for name, picture in each.items()] for each in episodes]
-    while every < 1000:
-        kept = (_kept(each, every) for each in sizes)
-        if sum(size for each in kept for _, size in each) <= most:
-            break
-        every += 1
-    return every
-
-
-def _kept(items: list[_Item], every: int) -> list[_Item]:
-    """Return every nth item, from the first on, and the last one."""
-    return [*items[:-1][::every], *items[-1:]]
-
-
-def _contents(
-    results: ResultsDirectory, report: Report, picture: Picture, session: dict[str, Any], progress: Progress
+def contents(
+    results: ResultsDirectory,
+    report: Report,
+    picture: Picture,
+    session: dict[str, Any],
+    progress: Progress,
+    *,
+    with_films: bool = True,
 ) -> Iterator[tuple[str, bytes]]:
     """Yield what a server answers to each path: JSON, and the pictures of episodes."""
     chosen = {int(number) for number in report.record.episodes["episode"]}
@@ -286,8 +180,8 @@ def _contents(
         listed["rows"] = [row for row in listed["rows"] if row[COLUMNS.index("id")] in chosen]
         listed["notes"] = {number: notes for number, notes in listed["notes"].items() if number in chosen}
         kinds = {number: kind.value for number, kind in failure_kinds(engine, report.record)}
-        yield "data/failures.json", _json({"is_complete": True, "kinds": kinds})
-        yield "data/session.json", _json({"csrf_token": "", "author": "", "title": "results"} | session)
+        yield "data/failures.json", json_bytes({"is_complete": True, "kinds": kinds})
+        yield "data/session.json", json_bytes({"csrf_token": "", "author": "", "title": "results"} | session)
         drawn: set[str] = set()
         for done, row in enumerate(listed["rows"]):
             number = int(row[COLUMNS.index("id")])
@@ -297,8 +191,8 @@ def _contents(
             site, sha256 = site_of(recorded), recorded.provenance.site_sha256
             if site is not None and sha256 not in drawn:
                 drawn.add(sha256)
-                yield f"plan/{sha256}.svg", _json(plan_svg(site))
-            if picture is _WITHIN:
+                yield f"plan/{sha256}.svg", json_bytes(plan_svg(site))
+            if not with_films:
                 for step in episode["steps"]:
                     step["film"] = []
             has_images = False
@@ -306,9 +200,9 @@ def _contents(
                 has_images = True
                 yield f"images/{number}/{name}", content
             row[COLUMNS.index("has_images")] = episode["row"]["has_images"] = has_images
-            yield f"data/episode-{number}.json", _json(episode)
-            yield f"data/cards/{number}.json", _json(cards_json(engine, [number]))
-        yield "data/episodes.json", _json(listed)
+            yield f"data/episode-{number}.json", json_bytes(episode)
+            yield f"data/cards/{number}.json", json_bytes(cards_json(engine, [number]))
+        yield "data/episodes.json", json_bytes(listed)
 
 
 def _pictures(
@@ -395,7 +289,7 @@ def _clear(directory: Path) -> None:
         raise RecordError(f"cannot replace {directory}: {error.strerror or error}") from error
 
 
-def _json(content: object) -> bytes:
+def json_bytes(content: object) -> bytes:
     """Return JSON that can stand within a script of a page."""
     text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), default=str)
     return text.replace("<", "\\u003c").encode()
