@@ -19,6 +19,7 @@ from vsnbench.report.build import Report
 from vsnbench.report.figures.choose import build_and_draw
 from vsnbench.report.figures.style import PAGE_FORMATS
 from vsnbench.report.formats.html import html_page
+from vsnbench.report.formats.json import to_json
 from vsnbench.report.measures import COUNT, NUMBER, TEXT, TEXTS, Form, Measure, Measures, objects, values
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.headline import headlines
@@ -32,7 +33,7 @@ from vsnbench.values.encoding.images import decode_picture
 from vsnbench.viewer.replay import read_episode
 from vsnbench.viewer.video.episodes import SIZES, VideoFormat, write_video
 from vsnbench.web.results_browser.app import ASSETS
-from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, page_of, site_of
+from vsnbench.web.results_browser.data import COLUMNS, SCHEMA, cards_json, episodes_json, page_of, site_of
 from vsnbench.web.site_editor.drawing import plan_svg
 from vsnbench.web_server.pages import SHARED_ASSETS, STYLE_SHEET, style_sheet
 
