@@ -1,4 +1,4 @@
-"""Saves docs/figures/browse-pair.png (two episodes of a trial) and video-frame.jpg.
+"""Saves docs/figures/browse-gallery.png, browse-pair.png (two episodes of a trial) and video-frame.jpg.
 
 usage: python scripts/screenshot_look.py RESULTS EPISODE EPISODE   (from the top of the checkout)
 """
@@ -16,7 +16,7 @@ FIGURES = Path("docs/figures")
 
 
 def main(results: str, first: str, second: str) -> None:
-    """Write both figures."""
+    """Write the figures."""
     vsnbench = [sys.executable, "-m", "vsnbench"]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "episode.mp4")
@@ -34,7 +34,9 @@ def main(results: str, first: str, second: str) -> None:
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=("--no-sandbox",))
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.goto(address)
-            page.wait_for_selector(".rows .line")
+            page.wait_for_selector(".tile .plan svg")
+            page.wait_for_timeout(2000)
+            page.screenshot(path=str(FIGURES / "browse-gallery.png"))
             page.goto(f"{address.partition('?')[0]}#/compare/{first}/{second}")
             page.wait_for_selector(".two .plan svg")
             page.keyboard.press("End")

@@ -312,8 +312,19 @@ STEPS_TABLE = EPISODE.only(
 )
 """Columns of `export csv` about the episode of a step."""
 ROW = EPISODE.only(
-    *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "start", "repetition", "outcome"),
-    *("end_reason", "counts", "state", "actions", "distance_m", "path_m", "shortest_m", "duration_s", "started_at"),
+    *("id", "model", "campaign_id", "robot", "simulated", "site", "goal", "goal_text", "start", "repetition"),
+    *(
+        "outcome",
+        "end_reason",
+        "counts",
+        "state",
+        "actions",
+        "distance_m",
+        "path_m",
+        "shortest_m",
+        "duration_s",
+        "started_at",
+    ),
     *("images_directory", "disturbances", "tags"),
 )
 """What the list of the results browser has of each episode; its scripts give each a place."""

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from vsnbench.palette import FAILURE, SUCCESS, VOID, rgb
 from vsnbench.protocol.judge import Verdict, distance_to_goal, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.episode_entries import EpisodeHeader, StepEntry
@@ -29,9 +30,7 @@ if TYPE_CHECKING:
 
 START_RGB = (60, 60, 64)
 ROBOT_RGB = (24, 92, 190)
-SUCCESS_RGB = (22, 140, 62)
-FAILURE_RGB = (206, 44, 40)
-VOID_RGB = (150, 120, 30)
+SUCCESS_RGB, FAILURE_RGB, VOID_RGB = rgb(SUCCESS), rgb(FAILURE), rgb(VOID)
 POLICY_RGB = (150, 60, 170)
 MAP_CLASSES = [(0, "unknown", (0, 0, 0, 0)), (1, "free", (110, 180, 250, 255)), (2, "occupied", (*POLICY_RGB, 255))]
 

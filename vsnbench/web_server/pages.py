@@ -11,10 +11,17 @@ from starlette.staticfiles import StaticFiles
 
 from vsnbench.errors import VsnbenchError
 from vsnbench.files.bounded_json import parse_json
+from vsnbench.palette import css_variables
 from vsnbench.web_server.authentication import Access
 from vsnbench.web_server.session_key import Visitor
 
 SHARED_ASSETS: Final = Path(__file__).parent / "assets"
+STYLE_SHEET: Final = "style.css"
+
+
+def style_sheet() -> str:
+    """Return the style sheet that all pages share: the colours of models and outcomes, and `STYLE_SHEET`."""
+    return css_variables() + (SHARED_ASSETS / STYLE_SHEET).read_text(encoding="utf-8")
 
 
 def page_routes(assets: Path, page: str) -> list[BaseRoute]:
@@ -28,9 +35,13 @@ def page_routes(assets: Path, page: str) -> list[BaseRoute]:
     async def send_page(_request: Request) -> Response:
         return FileResponse(assets / page)
 
+    async def send_style(_request: Request) -> Response:
+        return Response(style_sheet(), media_type="text/css")
+
     return [
         Route("/", send_page),
         Mount("/assets", StaticFiles(directory=assets)),
+        Route(f"/shared/{STYLE_SHEET}", send_style),
         Mount("/shared", StaticFiles(directory=SHARED_ASSETS)),
     ]
 

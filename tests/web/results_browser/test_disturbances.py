@@ -49,7 +49,7 @@ def test_the_list_is_filtered_by_disturbances(results: Path, words: list[str], e
 @pytest.mark.browser
 def test_a_trial_with_and_without_a_disturbance_open_side_by_side(results: Path) -> None:
     with served(results) as address, chromium_page(1280, 800) as page:
-        page.goto(address)
+        page.goto(f"{address}#/?view=list")
         page.wait_for_selector(".rows .line")
         models = page.locator(".rows .cell.model").all_inner_texts()
         assert sorted(models) == ["same", "same", *[f"same with {BLUR}"] * 3]
@@ -59,6 +59,7 @@ def test_a_trial_with_and_without_a_disturbance_open_side_by_side(results: Path)
         page.wait_for_function("document.querySelectorAll('.rows .line').length === 3")
         page.select_option("#filter-disturbances", "")
         page.select_option("#filter-differ", f"same with {BLUR} failed, same succeeded")
+        page.wait_for_selector(".pairs .line")
         page.locator(".rows .open").first.click()
         page.wait_for_selector(".two .player")
         headings = page.locator(".player h2").all_inner_texts()

@@ -37,13 +37,13 @@ def results(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def opened(browser: Browser, address: str, size: tuple[int, int] = WIDE) -> Page:
+def opened(browser: Browser, address: str, size: tuple[int, int] = WIDE, shows: str = ".tile, .rows .line") -> Page:
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.set_default_timeout(60_000)
     page.on("request", lambda request: outside.append(request.url) if "127.0.0.1" not in request.url else None)
     outside: list[str] = []
     page.goto(address)
-    page.wait_for_selector(".rows .line")
+    page.wait_for_selector(shows)
     assert outside == [], "no request leaves this machine"
     return page
 
@@ -52,7 +52,7 @@ def test_a_disagreement_is_found_opened_scrubbed_and_tagged_by_keyboard(browser:
     with served(results) as address:
         page = opened(browser, address)
         page.keyboard.press("/")
-        assert page.evaluate("document.activeElement.id") == "filter-model"
+        assert page.evaluate("document.activeElement.id") == "search"
         page.select_option("#filter-differ", "slow failed, fast succeeded")
         page.wait_for_selector(".pairs .line")
         page.keyboard.press("Escape")
@@ -85,7 +85,9 @@ def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results:
     with served(results) as address:
         page = opened(browser, address)
         for view, selector in (
-            ("#/", ".rows .line"),
+            ("#/", ".tile .plan svg"),
+            ("#/?view=list", ".rows .line"),
+            ("#/?view=time", ".chart svg"),
             ("#/?view=grid", ".grid"),
             ("#/episode/1", ".player"),
             ("#/compare/1/4", ".two"),
@@ -98,6 +100,98 @@ def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results:
             for width, height in (WIDE, PHONE):
                 page.set_viewport_size({"width": width, "height": height})
                 assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        page.close()
+
+
+def cards_of(page: Page) -> list[str]:
+    return [" ".join(text.split()) for text in page.locator(".tile .outcome").all_inner_texts()]
+
+
+def test_the_gallery_groups_searches_and_plays_episodes_together(browser: Browser, results: Path) -> None:
+    with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
+        journal.add_event("note", "a cat sat on the chair", author="ada", episode_id=2)
+    with served(results) as address:
+        page = opened(browser, address)
+        page.wait_for_selector(".tile .plan svg")
+        wait_until(lambda: page.evaluate("document.querySelector('.shot img').naturalWidth") == 64, "the last picture")
+        assert cards_of(page)[0].startswith("✗"), "failures come first"
+        page.select_option("#filter-group", "model")
+        wait_until(lambda: page.locator(".group").count() == 2, "a group of each model")
+        assert [" ".join(text.split()) for text in page.locator(".group").all_inner_texts()] == [
+            "slow 3 episodes, 1 of 2 succeeded",
+            "fast 2 episodes, 2 of 2 succeeded",
+        ]
+        page.fill("#search", "CAT")
+        wait_until(lambda: page.locator(".tile").count() == 1, "the search looks at notes")
+        assert "q=CAT" in page.url
+        page.fill("#search", "")
+        wait_until(lambda: page.locator(".tile").count() == 5, "all are shown again")
+        for number in (1, 2, 4, 5):
+            page.get_by_label(f"side by side: episode {number}", exact=True).check()
+        page.get_by_label("side by side: episode 3").click()
+        assert page.get_by_label("side by side: episode 3").is_checked() is False, "at most four"
+        page.get_by_role("link", name="Play 4 together").click()
+        page.wait_for_selector(".many .player")
+        assert page.locator(".player").count() == 4
+        page.keyboard.press("End")
+        assert page.locator(".banner.success").count() == 3
+        page.close()
+
+
+def test_previous_and_next_follow_the_order_of_the_results(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = opened(browser, f"{address}#/?model=fast&view=list")
+        page.click(".rows .line a")
+        page.wait_for_selector(".player")
+        assert page.locator(".player h2").inner_text().startswith("#5 ")
+        assert page.locator("#previous").count() == 0
+        page.click("#next")
+        page.wait_for_selector(".player h2:has-text('#4')")
+        assert page.locator("#next").count() == 0
+        page.keyboard.press("k")
+        page.wait_for_selector(".player h2:has-text('#5')")
+        page.close()
+
+
+def test_repeated_events_are_one_line_with_what_most_have_in_common(browser: Browser, results: Path) -> None:
+    with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
+        for step, metres in enumerate((0.25, 0.25, 0.25, 0.31), start=1):
+            text = f"obstacle {metres:.2f} m ahead of the front ({step} depth pixels)"
+            journal.add_event("blocked", text, author="", episode_id=1, step_number=step)
+    with served(results) as address:
+        page = opened(browser, address)
+        page.goto(f"{address.partition('?')[0]}#/episode/1")
+        page.wait_for_selector(".history summary")
+        assert page.locator(".history summary").inner_text() == "blocked 4 times, mostly at 0.25 m"
+        assert page.locator(".history ul li").count() == 4
+        page.close()
+
+
+def test_the_table_has_no_empty_column(browser: Browser, results: Path) -> None:
+    headings = "[role=columnheader]"
+    with served(results) as address:
+        page = opened(browser, address)
+        page.goto(f"{address.partition('?')[0]}#/?view=list")
+        page.wait_for_selector(headings)
+        assert "tags, notes" not in page.locator(headings).all_inner_texts()
+        with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
+            journal.add_event("note", "glare", author="ada", episode_id=1)
+        wait_until(lambda: "tags, notes" in page.locator(headings).all_inner_texts(), "the column of the note appears")
+        page.close()
+
+
+def test_success_over_time_has_days_and_versions(browser: Browser, results: Path) -> None:
+    with served(results) as address:
+        page = opened(browser, address)
+        page.keyboard.press("o")
+        page.wait_for_selector(".chart circle")
+        days, versions = (
+            [[" ".join(cell.split()) for cell in line.split("\t")] for line in table.splitlines() if line.strip()]
+            for table in page.locator("table.plain").all_inner_texts()
+        )
+        assert days[0] == ["day", "slow", "fast"]
+        assert [line[1:] for line in days[1:]] == [["1/2", "2/2"]]
+        assert [[line[0], *line[-2:]] for line in versions[1:]] == [["slow", "1/2", "50 %"], ["fast", "2/2", "100 %"]]
         page.close()
 
 
@@ -221,7 +315,7 @@ def test_the_address_with_the_token_opens_the_episode_that_it_names(browser: Bro
 def test_the_cause_of_a_failure_is_shown_in_full_on_a_small_screen(browser: Browser, results: Path) -> None:
     with served(results) as address:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.goto(address)
+        page.goto(f"{address}#/?view=list")
         page.wait_for_selector(".cell.result.failure")
         overflow = """(cell) => {
             cell.textContent = "✗ failure: reached, did not stop";
@@ -256,7 +350,9 @@ def test_a_script_in_any_text_of_a_record_does_not_run(browser: Browser, tmp_pat
         page = browser.new_page()
         page.set_default_timeout(60_000)
         for view, selector in (
-            ("", ".rows .line"),
+            ("", ".tile .plan svg"),
+            ("#/?view=list", ".rows .line"),
+            ("#/?view=time", ".chart svg"),
             ("#/?view=grid", ".grid"),
             ("#/episode/1", ".history"),
             ("#/compare/1/4", ".two"),
@@ -269,8 +365,9 @@ def test_a_script_in_any_text_of_a_record_does_not_run(browser: Browser, tmp_pat
     assert done.returncode in (0, 1), done.stderr
     if done.returncode == 0:
         page = browser.new_page()
-        page.goto(f"file://{site}/index.html")
-        page.wait_for_selector("#answer")
+        for name, selector in (("index.html", ".tile"), ("report.html", "#answer")):
+            page.goto(f"file://{site}/{name}")
+            page.wait_for_selector(selector)
         assert page.evaluate("window.pwned") is None
         page.close()
 

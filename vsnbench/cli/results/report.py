@@ -60,7 +60,11 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of --serve; 0 for any free port.")] = 0,
     website: Annotated[
         Path | None,
-        typer.Option("--website", metavar="DIR", help="Directory for a website: report, all episodes, images, videos."),
+        typer.Option("--website", metavar="DIR", help="Directory for a website: all episodes, report, images, videos."),
+    ] = None,
+    single_file: Annotated[
+        Path | None,
+        typer.Option("--single-file", metavar="FILE.html", help="File for the same page of up to 100 episodes."),
     ] = None,
     without_videos: Annotated[
         bool, typer.Option("--without-videos", help="Leave the videos out of --website.")
@@ -104,6 +108,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report -o paper/ --column 8.8cm     for that column's width
         vsnbench report --serve                      the page in a browser
         vsnbench report --website site/              all pages as files
+        vsnbench report --single-file results.html   one file to send
         vsnbench report --only-reference             the paper's own tables
 
     Void attempts (failed motion, lost sensor, model error, aborted,
@@ -121,12 +126,16 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             advice="add --output DIR or --format latex",
             code="bad-column",
         )
-    shows_all = "the website" if website else "--only-reference" if only_reference else "the page" if serve else ""
+    if website and single_file:
+        raise UsageError("--website and --single-file: one of them at a time", code="unused-option")
+    shows_all = "--only-reference" if only_reference else "the page" if serve else ""
+    if website or single_file:
+        shows_all = "the website" if website else "the single file"
     if not shows_all and not output and form in (Format.JSON, Format.CSV):
         shows_all = f"--format {form.value}"
     if table and not output and shows_all:
         raise UsageError(f"--table: {shows_all} has all tables", advice="leave it out", code="unused-option")
-    if figure and (website or only_reference or not (output or serve)):
+    if figure and (website or single_file or only_reference or not (output or serve)):
         raise UsageError("--figure: no figures are written one by one", advice="add --output DIR", code="unused-option")
     if output is not None and output.suffix in _FILES and not output.is_dir():
         raise UsageError(
@@ -144,8 +153,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
     )
     place = results_directory(results, db)
-    if website is not None:
-        _write_website(place, selection, website, with_videos=not without_videos, as_json=as_json)
+    if website is not None or single_file is not None:
+        _write_website(place, selection, website, single_file, with_videos=not without_videos, as_json=as_json)
         return
     with_paper = reference is not None
     if output is not None or serve:
@@ -197,20 +206,33 @@ def _column_in(text: str | None) -> float | None:
 
 
 def _write_website(
-    place: "ResultsDirectory", selection: "Selection", directory: Path, *, with_videos: bool, as_json: bool
+    place: "ResultsDirectory",
+    selection: "Selection",
+    directory: Path | None,
+    file: Path | None,
+    *,
+    with_videos: bool,
+    as_json: bool,
 ) -> None:
+    """Write a website into a directory, or as a single file."""
     from vsnbench.cli.support.progress import ProgressBars
+    from vsnbench.web.results_browser.single_file import write_single_file
     from vsnbench.web.results_browser.website import WEBSITE, write_website
 
     with ProgressBars() as progress:
-        written = write_website(place, selection, directory, with_videos=with_videos, progress=progress.show)
+        if directory is not None:
+            written = write_website(place, selection, directory, with_videos=with_videos, progress=progress.show)
+        elif file is not None:
+            written = write_single_file(place, selection, file, progress=progress.show)
     for problem in written.problems:
         logger.warning("%s: no video", problem)
     if as_json:
-        print_json(WEBSITE.fields({"directory": str(directory), **asdict(written)}))
+        print_json(WEBSITE.fields(asdict(written) | {"path": str(written.path)}))
         return
-    typer.echo(f"{directory / 'index.html'}")
-    sys.stderr.write(f"{written.episodes} episodes, {written.images} images, {written.videos} videos\n")
+    typer.echo(str(written.path))
+    images = f"{written.images} images" + (f" (every {written.every}. action)" if written.every > 1 else "")
+    size = f"{file.stat().st_size / 1e6:.1f} MB" if file is not None else f"{written.videos} videos"
+    sys.stderr.write(f"{written.episodes} episodes, {images}, {size}\n")
 
 
 def _print_report(form: Format, report: "Report", column_in: float | None, *, long: bool) -> None:

@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from vsnbench.palette import COLORS
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.comparability import kinds_note
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
-    COLORS,
     INK,
     Drawing,
     column_in,

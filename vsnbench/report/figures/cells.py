@@ -5,21 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vsnbench.palette import SUCCESS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.sensitivity import Grid, grid
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
-from vsnbench.report.figures.style import (
-    INK,
-    SUCCESS,
-    Drawing,
-    column_in,
-    in_pages,
-    new_figure,
-    page_in,
-    panel_axes,
-    styled,
-)
+from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vsnbench.palette import COLORS
 from vsnbench.protocol.execution import STACK
 from vsnbench.report.analysis.comparability import kinds_note
 from vsnbench.report.analysis.conditions import Condition, footnotes
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
-    COLORS,
     DASHES,
     MAX_CONDITIONS,
     Drawing,

@@ -2,19 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
+from vsnbench.palette import SUCCESS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.question import ModelQuestion
-from vsnbench.report.figures.style import (
-    FAINT,
-    INK,
-    SUCCESS,
-    Drawing,
-    in_pages,
-    light_grid,
-    new_figure,
-    page_in,
-    styled,
-)
+from vsnbench.report.figures.style import FAINT, INK, Drawing, in_pages, light_grid, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import shown, wrapped
 
 _LABEL_PT = 6.5

@@ -2,24 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from vsnbench.palette import COLLISION, COLORS, FAILURE, LIMIT
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.failures import FailureKind, FailurePlace
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.figures.plans import bare_plan, plan_shape
-from vsnbench.report.figures.style import (
-    COLLISION,
-    COLORS,
-    FAILURE,
-    INK,
-    LIMIT,
-    Drawing,
-    column_in,
-    in_pages,
-    new_figure,
-    page_in,
-    panel_axes,
-    styled,
-)
+from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 from vsnbench.report.tables.progress import MAX_PLACES
 from vsnbench.sites.site import Site

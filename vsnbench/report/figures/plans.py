@@ -5,26 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
+from vsnbench.palette import COLLISION, FAILURE, LIMIT, SUCCESS
 from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Condition, footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.analysis.trajectories import Track
-from vsnbench.report.figures.style import (
-    COLLISION,
-    FAILURE,
-    INK,
-    LIMIT,
-    SUCCESS,
-    Drawing,
-    column_in,
-    in_pages,
-    new_figure,
-    page_in,
-    panel_axes,
-    styled,
-)
+from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 from vsnbench.report.figures.text_layout import width_in as letters_in
 from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan, success_outline

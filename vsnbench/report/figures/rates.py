@@ -3,12 +3,12 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
+from vsnbench.palette import COLORS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.episodes_frame import goal_order
 from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.figures.style import (
-    COLORS,
     FAINT,
     MARKERS,
     MAX_CONDITIONS,

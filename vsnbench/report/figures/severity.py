@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from vsnbench.palette import COLORS
 from vsnbench.protocol.disturbances import SEVERITIES, STRESS_KINDS
 from vsnbench.protocol.execution import CONTINUOUS
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.comparison.stress import Loss, StressedModel
 from vsnbench.report.figures.style import (
-    COLORS,
     DASHES,
     FAINT,
     INK,

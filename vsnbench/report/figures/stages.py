@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from vsnbench.palette import SUCCESS
 from vsnbench.protocol.course import Stage
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
-from vsnbench.report.figures.style import INK, SUCCESS, Drawing, in_pages, new_figure, page_in, styled
+from vsnbench.report.figures.style import INK, Drawing, in_pages, new_figure, page_in, styled
 from vsnbench.report.figures.text_layout import legend_below, shown
 from vsnbench.report.tables.success import SUMMARY
 

@@ -1,4 +1,4 @@
-"""Style of figures: colour-blind-safe colours, sizes for a two-column paper, and saving."""
+"""Style of figures: marks and dashes of conditions, sizes for a two-column paper, and saving."""
 
 import io
 import math
@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from vsnbench.palette import COLORS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,8 +29,6 @@ _COLUMN_IN: ContextVar[float | None] = ContextVar("column_in", default=None)
 DOTS_AN_INCH = 200
 """Resolution of the PNG."""
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7A6A00", "#000000")
-"""Colours of Okabe and Ito, ordered so that neighbours differ most; the yellow is darkened for white paper."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES: tuple[tuple[int, tuple[float, ...]], ...] = (
     (0, ()),
@@ -41,9 +41,6 @@ DASHES: tuple[tuple[int, tuple[float, ...]], ...] = (
     (0, (2, 2)),
 )
 INK, FAINT = "#1a1a1a", "#8c8c8c"
-
-SUCCESS, FAILURE, COLLISION, LIMIT = "#0072B2", "#D55E00", "#000000", "#CC79A7"
-"""Colours of outcomes: success, STOP too far away, collision, action limit."""
 
 MAX_CONDITIONS = len(COLORS)
 """Maximum number of distinguishable conditions in one figure."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from vsnbench import __version__
+from vsnbench.palette import css_variables
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.summary import ConditionSummary, Group
 from vsnbench.report.build import Report
@@ -49,21 +50,19 @@ _EPISODE_COLUMNS = (
 )
 
 
-def html_page(
-    report: Report, tables: Sequence[ReportTable], drawings: Sequence[Drawing], episodes_page: str = ""
-) -> str:
+def html_page(report: Report, tables: Sequence[ReportTable], drawings: Sequence[Drawing], gallery: str = "") -> str:
     """Return the page as text.
 
     Args:
         report: the report.
         tables: its tables.
         drawings: its figures.
-        episodes_page: address of a page with all episodes; without one, the page has a table of them.
+        gallery: address of a page with all episodes, such as `index.html#/`; without one, the page has a table of them.
     """
     template = page_environment().get_template("page.html.j2")
     script, style = page_part("page.js"), page_part("page.css")
     results = report.results
-    episodes = [] if episodes_page else list(_episodes(report.record))
+    episodes = [] if gallery else list(_episodes(report.record))
     total_episodes = len(report.record.episodes)
     lead = (
         f"All {total_episodes} episodes."
@@ -79,8 +78,8 @@ def html_page(
 
     def address(episode: int) -> str:
         """Return the address of an episode; empty if no page shows it."""
-        if episodes_page:
-            return f"{episodes_page}#/episode/{episode}"
+        if gallery:
+            return f"{gallery}episode/{episode}"
         return f"#episode-{episode}" if episode in listed_here else ""
 
     planned = sum(summary.total.planned for summary in results.conditions)
@@ -100,7 +99,7 @@ def html_page(
         figures=_figures(drawings),
         episodes=episodes,
         episodes_lead=lead,
-        episodes_page=episodes_page,
+        gallery=gallery,
         episode_columns=_EPISODE_COLUMNS,
         viewing=_viewing(report.record, episodes),
         names=footnotes_of(tables),
@@ -166,8 +165,9 @@ def page_environment() -> "Environment":
 
 
 def page_part(name: str) -> str:
-    """Return the content of a page file."""
-    return resources.files("vsnbench.report.formats").joinpath("page", name).read_text(encoding="utf-8")
+    """Return the content of a page file; a style sheet begins with the colours."""
+    content = resources.files("vsnbench.report.formats").joinpath("page", name).read_text(encoding="utf-8")
+    return css_variables() + content if name.endswith(".css") else content
 
 
 def _card(summary: ConditionSummary, total: Group, goals: Sequence[str] = ()) -> _Values:

@@ -118,7 +118,7 @@ SUMMARY = Measures(
         *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
         *(_mean_of("actions", _successful),),
         heading="actions (succ.)",
-        rank=1,
+        rank=3,
     ),
     Measure(
         "spl",
@@ -157,7 +157,7 @@ SUMMARY = Measures(
         "median final distance to the nearest instance's footprint, metres",
         lambda group: (_median_distance_m(group), group.success_distance_m),
         heading="median d (m)",
-        rank=3,
+        rank=1,
     ),
     Measure(
         "collisions",
@@ -174,7 +174,7 @@ SUMMARY = Measures(
     Measure("", COUNT, _LIMIT, _ended(*_LIMITS), heading="limit", rank=3),
     Measure("trivial", KNOWN_COUNT, "episodes that began within one move of success", _trivial),
     Measure("cells", COUNT, "number of cells (goal and starting position)", lambda group: len(group.outcomes.cells)),
-    Measure("", RATIO, _DONE, lambda group: (group.episodes, group.planned), heading="done"),
+    Measure("", RATIO, _DONE, lambda group: (group.episodes, group.planned), heading="done", rank=2),
     Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""

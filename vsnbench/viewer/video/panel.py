@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from vsnbench.errors import UsageError
+from vsnbench.palette import FAILURE, SUCCESS, VOID, rgb
 from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.text.sanitize import counted
 from vsnbench.values.encoding.images import decode_picture
@@ -16,9 +17,7 @@ from vsnbench.viewer.replay import EpisodeReplay
 from vsnbench.viewer.video.canvas import FAINT, INK, Area, FrameCanvas, Image, Rgb
 from vsnbench.viewer.video.plan import PATH_RGB, PlanPicture
 
-SUCCESS_RGB: Rgb = (22, 120, 58)
-FAILURE_RGB: Rgb = (190, 40, 36)
-VOID_RGB: Rgb = (130, 100, 20)
+SUCCESS_RGB, FAILURE_RGB, VOID_RGB = rgb(SUCCESS), rgb(FAILURE), rgb(VOID)
 BAR_RGB: Rgb = (170, 190, 220)
 _MISSING_RGB: Rgb = (60, 60, 64)
 _BARS = 6

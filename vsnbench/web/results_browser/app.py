@@ -30,13 +30,14 @@ from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
 from vsnbench.viewer.replay import read_episode
 from vsnbench.viewer.video.episodes import write_video
-from vsnbench.web.results_browser.data import episode_json, episodes_json, recorded_site, version_of
+from vsnbench.web.results_browser.data import cards_json, episode_json, episodes_json, recorded_site, version_of
 from vsnbench.web.results_browser.failures import FailureKinds
 from vsnbench.web.site_editor.drawing import plan_svg
 from vsnbench.web_server.pages import ERROR_HANDLERS, csrf_token_for, json_body, page_routes, text_field
 
 ASSETS: Final = Path(__file__).parent / "assets"
 _MAX_ANNOTATED = 1000
+_MAX_CARDS = 100
 _JPEG = "image/jpeg"
 
 
@@ -68,6 +69,7 @@ class BrowserApp:
                 Route("/data/episodes.json", self._episodes),
                 Route("/data/failures.json", self._failure_kinds),
                 Route("/data/episode-{number:int}.json", self._episode),
+                Route("/data/cards/{numbers}.json", self._cards),
                 Route("/plan/{sha256}.svg", self._plan),
                 Route("/images/{number:int}/{step:int}.jpg", self._image),
                 Route("/images/{number:int}/{step:int}-{frame:int}.jpg", self._image),
@@ -116,6 +118,10 @@ class BrowserApp:
     async def _episode(self, request: Request) -> Response:
         return JSONResponse(await self._read(partial(episode_json, self._engine, request.path_params["number"])))
 
+    async def _cards(self, request: Request) -> Response:
+        numbers = _numbers(request, most=_MAX_CARDS)
+        return JSONResponse(await self._read(partial(cards_json, self._engine, numbers)))
+
     async def _plan(self, request: Request) -> Response:
         site = await run_in_threadpool(recorded_site, self._engine, request.path_params["sha256"])
         if site is None:
@@ -136,10 +142,7 @@ class BrowserApp:
         return read_confined(self._results.episode_directory(images), file)
 
     async def _video(self, request: Request) -> Response:
-        parts = request.path_params["numbers"].split("-")
-        if not 1 <= len(parts) <= 2 or not all(part.isdecimal() and len(part) < 10 for part in parts):
-            raise HTTPException(404, "a video is of one episode or of two")
-        numbers = [int(part) for part in parts]
+        numbers = _numbers(request, most=2)
         name = f"episode{'s' if len(numbers) > 1 else ''}-{'-'.join(map(str, numbers))}.mp4"
         file = self._videos.path / name
         await self._read(partial(self._write_video, numbers, file))
@@ -175,6 +178,14 @@ class BrowserApp:
             return await run_in_threadpool(call)
         except UsageError as error:
             raise HTTPException(404 if error.code == "unknown-episode" else 409, str(error)) from error
+
+
+def _numbers(request: Request, most: int) -> list[int]:
+    """Return the numbers of the episodes in a path, such as `1-4`."""
+    parts = request.path_params["numbers"].split("-")
+    if len(parts) > most or not all(part.isdecimal() and len(part) < 10 for part in parts):
+        raise HTTPException(404, f"this is for 1 to {most} episodes")
+    return [int(part) for part in parts]
 
 
 def _words(body: dict[str, Any], name: str) -> list[str]:

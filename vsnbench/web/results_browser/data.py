@@ -3,18 +3,21 @@
 Blinded studies stay blinded: every query goes through `vsnbench.results.reading`.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
-from sqlalchemy import Engine, func, select
+from sqlalchemy import Engine, func, select, union_all
 
+from vsnbench.report.analysis.courses import read_courses
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
 from vsnbench.results.files.film import RecordedFrame, film_of
 from vsnbench.results.goals import with_goals
 from vsnbench.results.model import FACTS, ROW, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
+from vsnbench.results.reading.read_model import CODE, episodes_of_campaigns
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.engine import reading, record_errors
 from vsnbench.sites.site import Site
@@ -30,6 +33,8 @@ COLUMNS: Final = tuple(
 )
 """Columns of the rows of `episodes_json`."""
 _MAX_TEXT = 4000
+_CARD_POINTS = 60
+"""Maximum number of points of the path on a card."""
 
 
 def _rounded(value: float | None, places: int) -> float | None:
@@ -70,14 +75,44 @@ def version_of(engine: Engine) -> str:
 
 
 def episodes_json(engine: Engine) -> dict[str, Any]:
-    """Return all episodes as rows of `COLUMNS`, by number.
+    """Return all episodes as rows of `COLUMNS`, by number, with their notes and the versions of their models.
+
+    `notes` has the notes of those episodes that have some, by number. `versions` has the weights and the first digits
+    of the hash of each campaign's model; none for an arm of a blinded study.
 
     Raises:
         RecordError: the database cannot be read.
     """
     version = version_of(engine)
     rows = [_shown(row) for row in episode_rows(engine, ROW)]
-    return {"schema": SCHEMA, "version": version, "columns": COLUMNS, "rows": rows}
+    notes: dict[int, list[str]] = {}
+    with record_errors(engine), reading(engine).begin() as connection:
+        for number, text in connection.execute(_NOTES):
+            notes.setdefault(number, []).append(text[:_MAX_TEXT])
+        versions = {
+            campaign: f"{label} {sha256[:8]}".strip() for campaign, label, sha256 in connection.execute(_VERSIONS)
+        }
+    return {
+        "schema": SCHEMA,
+        "version": version,
+        "columns": COLUMNS,
+        "rows": rows,
+        "notes": notes,
+        "versions": versions,
+    }
+
+
+_NOTES: Final[Any] = union_all(
+    select(tables.EventRow.episode_id, tables.EventRow.text).where(
+        tables.EventRow.kind == NOTE, tables.EventRow.episode_id.is_not(None)
+    ),
+    select(tables.VerdictRow.episode_id, tables.VerdictRow.note).where(tables.VerdictRow.note != ""),
+)
+_VERSIONS: Final = (
+    select(tables.CampaignRow.id, tables.ModelRow.weights_label, tables.ModelRow.sha256)
+    .join(tables.ModelRow, tables.ModelRow.id == tables.CampaignRow.model_id)
+    .where(CODE.is_(None))
+)
 
 
 def _shown(row: list[Any]) -> list[Any]:
@@ -100,6 +135,40 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
         RecordError: the database cannot be read.
     """
     return page_of(episode_record(engine, number), episode_steps(engine, number))
+
+
+def cards_json(engine: Engine, numbers: Sequence[int]) -> dict[int, dict[str, Any]]:
+    """Return by number what the cards of some episodes show besides their rows.
+
+    `image` is the number of the last step with an image, null without one. `path` has positions in the site, metres;
+    it is empty where they are unknown.
+
+    Raises:
+        RecordError: the database cannot be read.
+    """
+    last = select(tables.StepRow.episode_id, func.max(tables.StepRow.number)).group_by(tables.StepRow.episode_id)
+    last = last.where(tables.StepRow.episode_id.in_(numbers), tables.StepRow.rgb_digest.is_not(None))
+    sites = episodes_of_campaigns(tables.EpisodeRow.id, tables.SiteRow.sha256)
+    with record_errors(engine), reading(engine).begin() as connection:
+        images = dict(connection.execute(last).all())
+        known = connection.execute(sites.where(tables.EpisodeRow.id.in_(numbers))).all()
+    courses = read_courses(engine, numbers)
+    return {
+        number: {
+            "image": images.get(number),
+            "path": _thinned(courses[number].poses if number in courses else ()),
+            "site_sha256": sha256,
+        }
+        for number, sha256 in known
+    }
+
+
+def _thinned(poses: Sequence[Pose]) -> list[list[float]]:
+    """Return positions at which the robot was, evenly chosen, with the first and the last."""
+    points = [point for point, _ in itertools.groupby(pose.position for pose in poses)]
+    every = max(1, math.ceil(len(points) / _CARD_POINTS))
+    chosen = points[::every] if (len(points) - 1) % every == 0 else [*points[::every], points[-1]]
+    return [[round(x, 2), round(y, 2)] for x, y in chosen]
 
 
 def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, Any]:

@@ -1,13 +1,14 @@
-// One episode, or two of one trial side by side, step by step, or in time where there is a film.
+// One episode, or up to four side by side, step by step, or in time where there is a film.
 
 const PLAY_MS = 250;
 const PRELOADED = 6;
 const PRELOADED_FILM = 20;
 const SCORES = 6;
+const FOLDED = 3; // events of a kind that become one line
 
 // Camera, plan, action and scores of one episode at a moment.
 class Player {
-  constructor(episode, inTime) {
+  constructor(episode, inTime, color) {
     this.episode = episode;
     this.inTime = inTime;
     const { moments, track } = inTime ? momentsInTime(episode) : momentsOfSteps(episode);
@@ -15,19 +16,29 @@ class Player {
     this.plan = new Plan(episode, track);
     this.image = make("img", { alt: "", class: "camera" });
     this.none = make("p", { class: "dim none", hidden: true }, "No image of this step.");
+    this.other = make("figcaption", { class: "dim small", hidden: true });
     this.action = make("p", { class: "action" });
     this.scores = make("div", { class: "scores" });
     this.banner = make("p", { class: "banner" });
     const { row } = episode;
     this.element = make("article", { class: "player", "aria-label": `episode ${row.id}` },
-      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), ` ${row.condition} `,
-        make("span", { class: "dim small" }, `${row.goal} from start ${row.start}`)),
-      make("div", { class: "stage" }, make("figure", {}, this.image, this.none), this.plan.holder), this.banner, this.action, this.scores);
+      make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), " ", swatch(color), `${row.condition} `,
+        make("span", { class: "dim small" }, `${row.goal} from start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`)),
+      make("div", { class: "stage" }, make("figure", {}, this.image, this.none, this.other), this.plan.holder,
+        make("div", { class: "side" }, outcomeChip(row), this.result(), this.banner, this.action, this.scores)));
     this.image.addEventListener("error", () => { this.image.hidden = true; this.none.hidden = false; });
   }
 
   get last() {
     return this.moments.at(-1).at;
+  }
+
+  // Where the episode ended, and what it took.
+  result() {
+    const { row, stopped, facts = {} } = this.episode;
+    const lines = [["to the goal", metres(row.distance_m)], ["actions", String(row.actions)],
+      ["path", row.path_m === null ? "" : metres(row.path_m)], ["shortest", metres(row.shortest_m)], ["goal", facts["goal text"]], ["stopped", stopped]];
+    return factList(lines);
   }
 
   // Adds the strip of the times at which the robot waits, and of dropped and blocked answers, on an axis of `end` seconds.
@@ -93,15 +104,16 @@ class Player {
 
   showImage(moment, place) {
     const { row } = this.episode;
-    const addressOf = (image) => `images/${row.id}/${image}.jpg`;
     this.image.hidden = moment.image === null || !row.has_images;
     this.none.hidden = !this.image.hidden;
     if (this.image.hidden) return;
-    const address = addressOf(moment.image);
+    const { address, name } = pictureOf(row.id, moment.image);
+    this.other.hidden = name === moment.image;
+    this.other.textContent = `picture of action ${name}: the file has every ${every}.`;
     if (this.image.getAttribute("src") !== address) this.image.src = address;
     this.image.alt = this.inTime ? `camera at ${moment.at.toFixed(1)} s` : `camera before action ${moment.seen + 1}`;
     const next = this.moments.slice(place + 1, place + (this.inTime ? PRELOADED_FILM : PRELOADED));
-    for (const { image } of next) if (image !== null) new Image().src = addressOf(image);
+    for (const { image } of next) if (image !== null && !isSingle) new Image().src = pictureOf(row.id, image).address;
   }
 }
 
@@ -111,10 +123,32 @@ function velocityText([ahead, left, turn]) {
   return `${ahead.toFixed(2)} m/s${aside}, ${(turn * 180 / Math.PI).toFixed(0)}°/s`;
 }
 
+const factList = (lines) => make("dl", { class: "facts" }, ...lines.filter(([, text]) => text).flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)]));
+
+// Events by kind, those of a frequent kind as one entry: its time, words, author, and the single events.
+function foldedEvents(events) {
+  return [...grouped(events, (event) => (event.is_note ? `${event.at} ${event.text}` : event.kind)).values()].flatMap((same) => {
+    const words = (event) => `${event.kind.replaceAll("_", " ")}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`;
+    if (same.length < FOLDED) return same.map((event) => ({ at: event.at, text: words(event), who: event.author, parts: [] }));
+    const [first] = same;
+    return [{ at: first.at, text: `${first.kind.replaceAll("_", " ")} ${same.length} times${mostly(same)}`, who: first.author, parts: same.map(words) }];
+  });
+}
+
+// What most events of a kind have in common: their distance, or else their words.
+function mostly(events) {
+  const frequent = (texts) => [...grouped(texts, (text) => text)].sort((a, b) => b[1].length - a[1].length)[0];
+  const distances = events.map(({ text }) => text.match(/\d+(?:\.\d+)? m\b/)?.[0]).filter(Boolean);
+  const isDistance = distances.length > events.length / 2;
+  const [text, same] = frequent(isDistance ? distances : events.map((event) => event.text));
+  return `${same.length === events.length ? "," : ", mostly"}${isDistance ? " at" : ":"} ${text}`;
+}
+
 const sorted = (numbers) => [...new Set(numbers)].sort((a, b) => a - b);
 
 class EpisodePage {
-  constructor(numbers, rows, onAnnotated) {
+  constructor(numbers, rows, onAnnotated, colors) {
+    this.colors = colors;
     this.numbers = numbers;
     this.rows = rows;
     this.onAnnotated = onAnnotated;
@@ -125,10 +159,13 @@ class EpisodePage {
 
   async open(place) {
     const episodes = await Promise.all(this.numbers.map((number) => load(`data/episode-${number}.json`)));
-    for (const episode of episodes) episode.row = titled(episode.row);
+    for (const episode of episodes) {
+      const listed = this.rows.find((row) => row.id === episode.row.id);
+      episode.row = { ...titled(episode.row), failure: listed?.failure ?? "" };
+    }
     this.episodes = episodes;
     this.inTime = playsInTime(episodes);
-    this.players = episodes.map((episode) => new Player(episode, this.inTime));
+    this.players = episodes.map((episode) => new Player(episode, this.inTime, this.colors.get(episode.row.condition)));
     this.last = Math.max(...this.players.map((player) => player.last));
     const moments = this.players.flatMap((player) => player.moments);
     this.times = sorted(moments.map(({ at }) => at));
@@ -141,7 +178,7 @@ class EpisodePage {
       make("button", { class: "chip", "aria-label": "previous step", onclick: () => this.step(-1) }, "←"), this.playButton,
       make("button", { class: "chip", "aria-label": "next step", onclick: () => this.step(1) }, "→"),
       make("div", { class: "axis" }, this.slider, ...(this.inTime ? this.players.map((player) => player.addTimeline(this.last)) : [])), this.where);
-    this.element.replaceChildren(this.links(), make("div", { class: this.players.length > 1 ? "players two" : "players" },
+    this.element.replaceChildren(this.links(), make("div", { class: `players ${["", "", "two", "two many", "two many"][this.players.length]}` },
       ...this.players.map((player) => player.element)), bar, ...episodes.map((episode) => this.facts(episode)));
     this.show(Math.min(place ?? 0, this.last));
   }
@@ -201,11 +238,12 @@ class EpisodePage {
     const [first] = this.episodes;
     const same = this.rows.filter((row) => row.site === first.row.site && row.goal === first.row.goal
       && row.start === first.row.start && row.repetition === first.row.repetition && !this.numbers.includes(row.id));
-    const others = same.slice(-12).map((row) => make("a", { class: "chip", href: `#/compare/${first.row.id}/${row.id}` },
+    const isFull = this.numbers.length >= MOST_TOGETHER;
+    const others = isFull ? [] : same.slice(-12).map((row) => make("a", { class: "chip", href: `#/compare/${this.numbers.join("/")}/${row.id}` },
       `${MARKS[row.outcome]} ${row.condition} #${row.id}`));
     const video = make("a", { class: "chip", id: "video", href: `video/${this.numbers.join("-")}.mp4`, download: "" }, "Video");
-    return make("nav", { class: "links", "aria-label": "episode" }, make("a", { class: "chip", href: "#/" }, "← results"),
-      this.episodes.every((episode) => episode.row.has_images) && !(isStatic && this.numbers.length > 1) ? video : "",
+    const hasVideo = this.episodes.every((episode) => episode.row.has_images) && this.numbers.length <= (isStatic ? 1 : 2) && session.videos !== false;
+    return make("nav", { class: "links", "aria-label": "episode" }, hasVideo ? video : "",
       ...(others.length ? [make("span", { class: "dim small" }, "next to"), ...others] : []));
   }
 
@@ -218,16 +256,17 @@ class EpisodePage {
       this.form(row, "tag", "Add a tag", (text) => ({ tags: text.split(",") })),
       this.form(row, "note", "Add a note", (text) => ({ note: text })),
     ];
+    const verdicts = episode.verdicts.filter((given, place) => !(place === 0 && episode.verdicts.length === 1 && !given.note)); // else it is in the banner
     const history = [
-      ...episode.verdicts.map((given) => [given.at, `${given.proposed ? "proposed: " : ""}${given.reason}${given.note ? `; ${given.note}` : ""}`,
-        `${given.author}, ${given.source}`]),
-      ...episode.events.map((event) => [event.at, `${event.kind.replaceAll("_", " ")}${event.step ? ` at action ${event.step}` : ""}: ${event.text}`, event.author]),
-    ].sort((a, b) => (a[0] < b[0] ? -1 : 1));
-    const summary = [["result", resultText(row)], ["distance", metres(row.distance_m)], ["stopped", episode.stopped], ["path", `${metres(row.path_m)}, shortest ${metres(row.shortest_m)}`],
-      ["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error], ...Object.entries(episode.facts ?? {})];
-    return make("section", { class: "card", "aria-label": `record of episode ${row.id}` }, make("h3", {}, `Episode ${row.id}`), tags, ...forms,
-      make("dl", { class: "facts" }, ...summary.filter(([, text]) => text).flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])),
-      make("ol", { class: "history" }, ...history.map(([at, text, who]) => make("li", {}, make("span", { class: "dim small" }, `${at} `), text,
+      ...verdicts.map((given) => ({ at: given.at, text: `${given.proposed ? "proposed: " : ""}${given.reason}${given.note ? `; ${given.note}` : ""}`,
+        who: `${given.author}, ${given.source}`, parts: [] })),
+      ...foldedEvents(episode.events),
+    ].sort((a, b) => (a.at < b.at ? -1 : 1));
+    const { "goal text": _shown, ...others } = episode.facts ?? {};
+    const origin = factList([["weights", episode.weights], ["seed", String(episode.seed)], ["began", `${row.started_at} UTC`], ["error", episode.error], ...Object.entries(others)]);
+    return make("section", { class: "card", "aria-label": `record of episode ${row.id}` }, make("h3", {}, this.numbers.length > 1 ? `Record of #${row.id}` : "Record"), tags, ...forms, origin,
+      make("ol", { class: "history" }, ...history.map(({ at, text, who, parts }) => make("li", {}, make("span", { class: "dim small" }, `${at} `),
+        parts.length ? make("details", {}, make("summary", {}, text), make("ul", { class: "small" }, ...parts.map((part) => make("li", {}, part)))) : text,
         who ? make("span", { class: "dim small" }, ` (${who})`) : ""))));
   }
 

@@ -1,44 +1,41 @@
-// The list of episodes. Only the visible rows are in the document, so that ten thousand scroll.
+// The table of episodes. Only the visible rows are in the document, so that ten thousand scroll.
 
-const cells = (row) => [
-  ["id", `#${row.id}`],
-  ["model", row.condition],
-  ["goal", row.goal],
-  ["start", `start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`],
-  [`result ${row.outcome}`, `${MARKS[row.outcome]} ${resultText(row)}`],
-  ["actions", `${row.actions} actions`],
-  ["distance", metres(row.distance_m)],
-  ["tags", row.tags.join(", ")],
-  ["began", row.started_at.slice(0, 16)],
+// Columns: heading, class, width, text. Those in which every line is empty are left out.
+const COLUMNS = [
+  ["episode", "id", "5.5rem", (row) => `#${row.id}`],
+  ["model", "model", "minmax(6rem, 1.5fr)", (row) => row.condition],
+  ["goal", "goal", "minmax(5rem, 1fr)", (row) => row.goal],
+  ["start", "start", "6.5rem", (row) => `start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`],
+  ["result", "result", "minmax(11rem, 2fr)", (row) => `${MARKS[row.outcome]} ${causeOf(row)}`, (row) => row.outcome],
+  ["actions", "actions", "6.5rem", (row) => counted(row.actions, "action")],
+  ["to goal", "distance", "5.5rem", (row) => metres(row.distance_m)],
+  ["tags, notes", "tags", "minmax(6rem, 1.5fr)", (row) => [...row.tags, ...row.notes].join(", ")],
+  ["began (UTC)", "began", "10.5rem", (row) => row.started_at.slice(0, 16)],
 ];
-
-const pairCells = ([a, b]) => [
-  ["id", `#${a.id} #${b.id}`],
-  ["model", `${a.condition} / ${b.condition}`],
-  ["goal", a.goal],
-  ["start", `start ${a.start}${a.repetition > 1 ? ` (${a.repetition})` : ""}`],
-  ["result failure", `${MARKS.failure} ${resultText(a)}`],
-  ["result success", `${MARKS.success} ${b.actions} actions`],
-  ["tags", [...new Set([...a.tags, ...b.tags])].join(", ")],
+const PAIR_COLUMNS = [
+  ["episodes", "id", "8rem", ([a, b]) => `#${a.id} #${b.id}`],
+  ["models", "model", "minmax(8rem, 2fr)", ([a, b]) => `${a.condition} / ${b.condition}`],
+  ["goal", "goal", "minmax(5rem, 1fr)", ([a]) => a.goal],
+  ["start", "start", "6.5rem", ([a]) => `start ${a.start}${a.repetition > 1 ? ` (${a.repetition})` : ""}`],
+  ["first", "result failure", "minmax(9rem, 1.6fr)", ([a]) => `${MARKS.failure} ${causeOf(a)}`],
+  ["second", "result success", "minmax(7rem, 1fr)", ([, b]) => `${MARKS.success} ${counted(b.actions, "action")}`],
+  ["tags", "tags", "minmax(5rem, 1fr)", ([a, b]) => [...new Set([...a.tags, ...b.tags])].join(", ")],
 ];
-
-const HEADINGS = ["episode", "model", "goal", "start", "result", "actions", "to goal", "tags", "began (UTC)"];
-const PAIR_HEADINGS = ["episodes", "models", "goal", "start", "first", "second", "tags"];
 
 class EpisodeList {
   // `items` are rows, or pairs of rows; `link` gives the address of one.
   constructor(items, link, isPairs) {
     this.items = items;
     this.link = link;
-    this.isPairs = isPairs;
     this.marked = 0;
-    const headings = (isPairs ? PAIR_HEADINGS : HEADINGS).map((text, i) =>
-      make("span", { role: "columnheader", class: `cell h${i}` }, text));
+    this.columns = (isPairs ? PAIR_COLUMNS : COLUMNS).filter(([, , , text]) => items.some(text));
+    const headings = this.columns.map(([heading]) => make("span", { role: "columnheader", class: "cell" }, heading));
     this.rows = make("div", { role: "rowgroup", class: "rows" });
     this.element = make(
       "div", { role: "table", class: isPairs ? "list pairs" : "list", "aria-label": "episodes", "aria-rowcount": String(items.length + 1) },
       make("div", { role: "rowgroup" }, make("div", { role: "row", class: "line head" }, ...headings)), this.rows,
     );
+    this.element.style.setProperty("--widths", this.columns.map(([, , width]) => width).join(" "));
     this.onScroll = () => this.draw();
     addEventListener("scroll", this.onScroll, { passive: true });
     addEventListener("resize", this.onScroll);
@@ -65,12 +62,12 @@ class EpisodeList {
 
   line(i, height) {
     const item = this.items[i];
-    const [first, ...rest] = this.isPairs ? pairCells(item) : cells(item);
-    const link = make("a", { href: this.link(item), "data-place": String(i), class: "open" }, first[1]);
+    const [[, , , number], ...rest] = this.columns;
+    const link = make("a", { href: this.link(item), "data-place": String(i), class: "open" }, number(item));
     const line = make(
       "div", { role: "row", class: i === this.marked ? "line marked" : "line", "aria-rowindex": String(i + 2) },
       make("span", { role: "cell", class: "cell id" }, link),
-      ...rest.map(([name, text]) => make("span", { role: "cell", class: `cell ${name}` }, text)),
+      ...rest.map(([, name, , text, kind]) => make("span", { role: "cell", class: `cell ${name} ${kind?.(item) ?? ""}` }, text(item))),
     );
     line.style.transform = `translateY(${i * height}px)`;
     line.addEventListener("click", () => { location.hash = link.getAttribute("href").slice(1); });
