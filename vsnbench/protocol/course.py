@@ -18,7 +18,7 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.geometry.line_of_sight import sight
-from vsnbench.sites.geometry.walls import solid_shapes
+from vsnbench.sites.geometry.walls import solid_objects, solid_shapes
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import Target, targets_of
 from vsnbench.values.pose import Pose
@@ -127,6 +127,26 @@ class CourseMap:
         _, centre_m = self._solids.query_nearest(points, return_distance=True, all_matches=False)
         edge_m = np.maximum(np.asarray(centre_m, np.float64) - self._radius_m, 0.0)
         return Clearance(float(edge_m.min()), float(np.percentile(edge_m, LOW_PERCENTILE)))
+
+    def solid_ahead(self, pose: Pose) -> str:
+        """Return what the depth guard finds ahead of a robot at a pose: `wall`, or the id of an object; else nothing.
+
+        An id is shortened to its category where the site has one object of it.
+        """
+        reach_m = self._radius_m + self._parameters.depth_guard.distance_m
+        ahead = pose.compose(Pose(reach_m, 0.0))
+        way = shapely.LineString([pose.position, ahead.position]).buffer(self._radius_m)
+        found = self._solids.query(way, predicate="intersects")
+        if not len(found):
+            return ""
+        here = shapely.Point(pose.position)
+        nearest = int(min(found, key=lambda number: self._solids.geometries[number].distance(here)))
+        things = solid_objects(self.site)
+        number = nearest - (len(self._solids.geometries) - len(things))
+        if number < 0:
+            return "wall"
+        thing = things[number]
+        return thing.category if len(self.site.instances(thing.category)) == 1 else thing.id
 
     def _of_goal(self, goal: str) -> _Goal | None:
         """Return the targets of a goal and its success region; None if the site has no target of it."""

@@ -285,7 +285,8 @@ def checked_movement(given: object) -> Movement:
         case Waypoint():
             x_m, y_m = _point((given.x_m, given.y_m), "waypoint")
             if (away_m := math.hypot(x_m, y_m)) > MAX_DISTANCE_M:
-                raise DecisionError(f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m")
+                far = f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m"
+                raise DecisionError(far, advice=_other_unit("_m", away_m, MAX_DISTANCE_M))
             if given.heading_rad is None:
                 return Waypoint(x_m, y_m)
             return Waypoint(x_m, y_m, _bounded(given.heading_rad, "waypoint.heading_rad", math.tau))
@@ -315,7 +316,8 @@ def _trajectory(given: Trajectory) -> Trajectory:
         raise DecisionError(f"a trajectory must have 2 to {MAX_POINTS} points, got {len(given.points)}")
     checked = Trajectory(tuple(_point(point, f"trajectory.points[{k}]") for k, point in enumerate(given.points)))
     if checked.length_m > MAX_PATH_M:
-        raise DecisionError(f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m")
+        long = f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m"
+        raise DecisionError(long, advice=_other_unit("_m", checked.length_m, MAX_PATH_M))
     return checked
 
 
@@ -330,8 +332,26 @@ def _point(value: Any, what: str) -> tuple[float, float]:
 def _bounded(value: Any, what: str, most: float) -> float:
     number = _finite_in(value, what)
     if abs(number) > most:
-        raise DecisionError(f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}")
+        limits = f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}"
+        raise DecisionError(limits, advice=_other_unit(what, number, most))
     return number
+
+
+_OTHER_UNITS: Final = {
+    "_m": (0.01, "cm", "m"),
+    "_m_s": (0.01, "cm/s", "m/s"),
+    "_rad": (math.pi / 180, "°", "rad"),
+    "_rad_s": (math.pi / 180, "°/s", "rad/s"),
+}
+"""End of a field's name -> size of the unit that it is often confused with, that unit, and the field's own."""
+
+
+def _other_unit(what: str, number: float, most: float) -> str:
+    """Return what a number that exceeds its limit would be in another unit, if it is possible in that unit."""
+    for ending, (size, other, unit) in _OTHER_UNITS.items():
+        if what.endswith(ending) and abs(number) * size <= most:
+            return f"it is in {unit}; {number:.4g} {other} would be {number * size:.4g} {unit}".replace(" °", "°")
+    return ""
 
 
 def _finite_in(value: Any, what: str) -> float:

@@ -163,13 +163,19 @@ def _measured(
         yield int(row["episode"]), *astuple(known)
 
 
-def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
-    """Return the measures of one episode's course."""
+def course_of(engine: Engine, episode: EpisodeRecord) -> tuple[CourseMap | None, Course | None, Approach | None]:
+    """Return the map of one episode, its course and how it came near its goal; None for what is unknown."""
     origin = episode.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
+    return ground, course, _approach(ground, episode.goal, course)
+
+
+def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
+    """Return the measures of one episode's course."""
+    ground, course, approach = course_of(engine, episode)
     path_m = math.nan if episode.path_m is None else episode.path_m
-    return _measure(ground, course, _approach(ground, episode.goal, course), path_m, episode.success is True)
+    return _measure(ground, course, approach, path_m, episode.success is True)
 
 
 def _measure(
