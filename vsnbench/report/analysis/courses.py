@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
@@ -182,11 +183,11 @@ def _measure(
     ground: CourseMap | None, course: Course | None, approach: Approach | None, path_m: float, succeeded: bool
 ) -> CourseMeasures:
     poses = course.poses if course else ()
-    clearance = ground.clearance(poses) if ground else None
+    clearances_m = ground.clearances_m(poses) if ground else ()
     return CourseMeasures(
         stage=approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None,
-        clearance_min_m=clearance.minimum_m if clearance else None,
-        clearance_p5_m=clearance.low_m if clearance else None,
+        clearance_min_m=float(np.min(clearances_m)) if len(clearances_m) else None,
+        clearance_p5_m=float(np.percentile(clearances_m, 5)) if len(clearances_m) else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
         waiting_s=course.waiting_s if course else None,
         oracle_success=_oracle_success(course, approach, succeeded),
