@@ -15,9 +15,9 @@ from typing import Any
 
 from vsnbench.cli.judging.judge import PENDING_FIELDS
 from vsnbench.cli.running.stress_summary import STRESS
-from vsnbench.cli.running.try_ import TRIED
 from vsnbench.cli.study.text import PLAN
 from vsnbench.report.analysis.courses import CourseMeasures
+from vsnbench.report.diagnosis import TRIED
 from vsnbench.report.formats.json import COMPARED, MODEL, REPORT
 from vsnbench.report.measures import Measures
 from vsnbench.report.output import FILES

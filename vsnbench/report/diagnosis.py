@@ -4,7 +4,8 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from sqlalchemy import Engine
 
@@ -12,8 +13,8 @@ from vsnbench.protocol.course import CourseMap
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.courses import course_of
 from vsnbench.report.analysis.failures import FailureKind, failure_kind
-from vsnbench.results.fields import quantity
-from vsnbench.results.model import EpisodeRecord
+from vsnbench.results.fields import Fields, fields_of, quantity
+from vsnbench.results.model import EPISODE, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted, duration_text
@@ -46,6 +47,18 @@ class EpisodeDiagnosis:
     infer_median_s: float | None = quantity("median wall time of an answer")
     infer_max_s: float | None = quantity("longest wall time of an answer")
     move_median_s: float | None = quantity("median duration of a motion on the robot's clock", absent="without motions")
+
+
+_OF_EPISODE = EPISODE.only(
+    *("id", "goal", "start", "outcome", "end_reason", "error", "actions", "distance_m", "path_m", "shortest_m")
+)
+TRIED = Fields([*_OF_EPISODE, *fields_of(EpisodeDiagnosis)])
+"""Quantities of `as_fields`."""
+
+
+def as_fields(episode: EpisodeRecord, found: EpisodeDiagnosis) -> dict[str, Any]:
+    """Return an episode and what happened in it as a JSON object."""
+    return {**_OF_EPISODE.json(episode), **asdict(found)}
 
 
 def diagnose(engine: Engine, number: int) -> tuple[EpisodeRecord, EpisodeDiagnosis]:

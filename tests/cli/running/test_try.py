@@ -145,6 +145,7 @@ def test_a_broken_model_is_shown_with_its_line(tried) -> None:
     answer = tried("broken.py", policy("Broken", 'return {}["weights"]'))
     words = words_of(answer)
     assert answer.code == 1
+    assert "same seed, same actions and" in words
     assert "KeyError: 'weights' (broken.py, line 13)" in words
     assert "void, act: KeyError: 'weights'" in words
 
@@ -166,7 +167,7 @@ def test_the_result_in_json_has_checks_trials_and_commands(tried) -> None:
     assert found["next"] == "vsnbench run --model steady:Steady --goal chair"
 
 
-def test_the_results_of_one_try_are_kept_until_the_next(tried, typed: Typed) -> None:
+def test_results_without_a_directory_of_their_own_stay_after_the_command(tried, typed: Typed) -> None:
     def directory(answer: Answer) -> Path:
         return Path(json.loads(answer.out)["film"].rpartition(" ")[2])
 

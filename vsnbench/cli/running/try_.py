@@ -10,30 +10,30 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsnbench.cli.support import trial_options as trial
-from vsnbench.cli.support.options import Protocol, Results, configured_option, fit_of, results_directory, what_to_keep
+from vsnbench.cli.support.options import (
+    Protocol,
+    configured_option,
+    fit_of,
+    record_option,
+    results_directory,
+    what_to_keep,
+)
 from vsnbench.cli.support.output import Json, print_json, without_prints_of_models
 from vsnbench.cli.support.progress import ProgressBars
 from vsnbench.config import BUILT_IN_PROTOCOL, BUILT_IN_ROBOT, BUILT_IN_SITE, load_config
-from vsnbench.report.diagnosis import EpisodeDiagnosis
-from vsnbench.results.fields import Fields, fields_of
-from vsnbench.results.model import EPISODE, EpisodeRecord
 from vsnbench.text.sanitize import sanitize
 
 if TYPE_CHECKING:
     from vsnbench.models.contract_check import ContractFinding
+    from vsnbench.report.diagnosis import EpisodeDiagnosis
+    from vsnbench.results.model import EpisodeRecord
     from vsnbench.runner.setup.request import RunRequest
 
 _WIDTH, _LABEL = 80, 9
-_MOST_FAILED = 3
-"""Failed checks that are listed."""
+_MOST_REASONS = 3
+"""Reasons of failed checks that are listed."""
 _CHECKS = 11
 """Number of checks, for the display."""
-
-_OF_EPISODE = EPISODE.only(
-    "id", "goal", "start", "outcome", "end_reason", "error", "actions", "distance_m", "path_m", "shortest_m"
-)
-TRIED = Fields([*_OF_EPISODE, *fields_of(EpisodeDiagnosis)])
-"""Keys of a trial with --json."""
 
 
 def command(  # noqa: PLR0913 - Typer needs a parameter per option
@@ -67,7 +67,10 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     protocol: Protocol = BUILT_IN_PROTOCOL,
     weights: trial.Weights = None,
     model_config: trial.ModelConfig = None,
-    results: Results = None,
+    results: Annotated[
+        Path | None,
+        record_option("--results", help="Results directory that keeps the trials. Default: a temporary one."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Check a policy, run two simulated trials with it, and say in ten lines what it did and what is wrong.
@@ -123,7 +126,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
     """Run the check and the trials, print what was found, and return the exit code."""
     from vsnbench.models.contract_check import ContractFinding, check_policy
-    from vsnbench.report.diagnosis import advice, diagnose
+    from vsnbench.report.diagnosis import advice, as_fields, diagnose
     from vsnbench.results.reading.filtering import EpisodeFilter
     from vsnbench.results.reading.queries import list_episodes
     from vsnbench.results.schema.migrate import open_record
@@ -131,6 +134,7 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.setup import trying
     from vsnbench.runner.setup.launch import launch
+    from vsnbench.runner.stopping.requests import Stopped
 
     spec, findings, decision_s = request.setup, list[ContractFinding](), 0.0
     with (
@@ -150,14 +154,19 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
     starts = request.starts or trying.first_starts(goals, spec.site)
     request = replace(request, setup=spec, starts=starts).at(request.site, spec.site)
     with without_prints_of_models(as_json=as_json):
-        launched = launch(request, OperatorProvider(shows_episodes=False))
+        try:
+            launched = launch(request, OperatorProvider(shows_episodes=False))
+        except Stopped as stopped:
+            typer.echo(f"stopped: {stopped.request.description}", err=True)
+            return stopped.request.exit_code
     with open_record(request.results.database_url) as engine:
         wanted = EpisodeFilter(campaign=str(launched.campaign_id), goals=spec.goals)
-        numbers = sorted(episode.id for episode in list_episodes(engine, wanted) if episode.start in starts)
-        trials = [diagnose(engine, number) for number in numbers]
+        episodes = sorted(list_episodes(engine, wanted), key=lambda episode: episode.id)
+        latest = {(episode.goal, episode.start): episode.id for episode in episodes if episode.start in starts}
+        trials = [diagnose(engine, number) for number in latest.values()]
     commands = _commands(request, root)
     if as_json:
-        rows = [{**_OF_EPISODE.json(episode), **asdict(found)} for episode, found in trials]
+        rows = [as_fields(episode, found) for episode, found in trials]
         checks = [asdict(finding) for finding in findings]
         result = {"model": spec.model, "name": card.name, "checks": checks, "trials": rows}
         print_json({**result, "to_do": advice(trials, whole), **commands})
@@ -184,7 +193,7 @@ def _commands(request: "RunRequest", root: Path | None) -> dict[str, str]:
 def _print(
     title: str,
     findings: "Sequence[ContractFinding]",
-    trials: Sequence[tuple[EpisodeRecord, EpisodeDiagnosis]],
+    trials: "Sequence[tuple[EpisodeRecord, EpisodeDiagnosis]]",
     whole: int,
     commands: dict[str, str],
 ) -> None:
@@ -208,11 +217,15 @@ def _print(
         show("check", "none: the model receives the site")
     else:
         show("check", f"{len(findings) - len(failed)} of {len(findings)} passed", "red" if failed else "green")
-    for finding in failed[:_MOST_FAILED]:
-        show("", f"{finding.what}: {finding.seen}", "red")
+    reasons: dict[str, list[str]] = {}
+    for finding in failed:
+        reasons.setdefault(finding.seen, []).append(finding.what)
+    for reason, checks in list(reasons.items())[:_MOST_REASONS]:
+        show("", f"{checks[0]}{f' and {len(checks) - 1} more' if len(checks) > 1 else ''}: {reason}", "red")
     for number, (episode, found) in enumerate(trials, 1):
         show(f"trial {number}", headline(episode, found), COLORS[episode.outcome])
-        show("", story(episode, found))
+        if text := story(episode, found):
+            show("", text)
     if text := timing(found for _, found in trials):
         limit = trials[0][0].provenance.protocol.get("max_actions", whole)
         show("time", text if limit == whole else f"{text}; trials were shortened from {whole} to {limit} actions")

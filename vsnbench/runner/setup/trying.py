@@ -2,7 +2,7 @@
 
 import statistics
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 from vsnbench.errors import UsageError
@@ -35,11 +35,14 @@ def opened_policy(name: str, options: dict[str, Any]) -> Iterator[Policy]:
 
 def decision_s(policy: Policy) -> float:
     """Return the median time of a policy's decision; 0 if it makes none, which the check reports."""
-    with suppress(Exception, SystemExit):
+    try:
         task = example_tasks(policy.card)[0]
         return statistics.median(durations_s(policy, task, _PROBES))
-    take_refused_exit()
-    return 0.0
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # third-party code can raise anything
+        take_refused_exit()
+        return 0.0
 
 
 def steps_of_check(decision_time_s: float) -> int:
