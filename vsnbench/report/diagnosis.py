@@ -25,6 +25,7 @@ from vsnbench.values.step import StepRecord
 _STILL_M = 0.5
 """A path that is shorter than this has not left its place."""
 _HALF_TURN_RAD = math.pi + 1e-6
+_REST = (Action.STOP, Action.NOOP)
 _PLURALS = {"trajectory": "trajectories", "velocity": "velocities"}
 
 
@@ -113,7 +114,9 @@ def _blocked_places(ground: CourseMap | None, episode: EpisodeRecord, steps: Seq
 
 
 def _kind_of_answers(steps: Sequence[StepRecord]) -> str:
-    kinds = {None if step.movement is None else KIND_OF[type(step.movement)] for step in steps if step.action.moves}
+    kinds = {
+        None if step.movement is None else KIND_OF[type(step.movement)] for step in steps if step.action not in _REST
+    }
     kind = kinds.pop() if len(kinds) == 1 else None
     return "action" if kind is None else kind.value
 
