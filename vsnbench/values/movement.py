@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any, Final, get_args
 
 from vsnbench.errors import DecisionError
+from vsnbench.settings.number_errors import other_unit
 from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.pose import Pose
 
@@ -286,7 +287,7 @@ def checked_movement(given: object) -> Movement:
             x_m, y_m = _point((given.x_m, given.y_m), "waypoint")
             if (away_m := math.hypot(x_m, y_m)) > MAX_DISTANCE_M:
                 far = f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m"
-                raise DecisionError(far, advice=_other_unit("_m", away_m, MAX_DISTANCE_M))
+                raise DecisionError(far, advice=other_unit("_m", away_m, MAX_DISTANCE_M))
             if given.heading_rad is None:
                 return Waypoint(x_m, y_m)
             return Waypoint(x_m, y_m, _bounded(given.heading_rad, "waypoint.heading_rad", math.tau))
@@ -317,7 +318,7 @@ def _trajectory(given: Trajectory) -> Trajectory:
     checked = Trajectory(tuple(_point(point, f"trajectory.points[{k}]") for k, point in enumerate(given.points)))
     if checked.length_m > MAX_PATH_M:
         long = f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m"
-        raise DecisionError(long, advice=_other_unit("_m", checked.length_m, MAX_PATH_M))
+        raise DecisionError(long, advice=other_unit("_m", checked.length_m, MAX_PATH_M))
     return checked
 
 
@@ -333,25 +334,8 @@ def _bounded(value: Any, what: str, most: float) -> float:
     number = _finite_in(value, what)
     if abs(number) > most:
         limits = f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}"
-        raise DecisionError(limits, advice=_other_unit(what, number, most))
+        raise DecisionError(limits, advice=other_unit(what, abs(number), most))
     return number
-
-
-_OTHER_UNITS: Final = {
-    "_m": (0.01, "cm", "m"),
-    "_m_s": (0.01, "cm/s", "m/s"),
-    "_rad": (math.pi / 180, "°", "rad"),
-    "_rad_s": (math.pi / 180, "°/s", "rad/s"),
-}
-"""End of a field's name -> size of the unit that it is often confused with, that unit, and the field's own."""
-
-
-def _other_unit(what: str, number: float, most: float) -> str:
-    """Return what a number that exceeds its limit would be in another unit, if it is possible in that unit."""
-    for ending, (size, other, unit) in _OTHER_UNITS.items():
-        if what.endswith(ending) and abs(number) * size <= most:
-            return f"it is in {unit}; {number:.4g} {other} would be {number * size:.4g} {unit}".replace(" °", "°")
-    return ""
 
 
 def _finite_in(value: Any, what: str) -> float:

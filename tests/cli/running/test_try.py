@@ -124,8 +124,8 @@ def test_a_slow_model_gets_shorter_trials_and_is_told_how_long_it_takes(tried, m
 @pytest.mark.parametrize(
     ("act", "kind", "expected"),
     [
-        ("return Decision(Waypoint(120, -30))", "WAYPOINT", "it is in m; 123.7 cm would be 1.237 m"),
-        ("return Decision(Move(0.25, 90))", "MOVE", "it is in rad; 90° would be 1.571 rad"),
+        ("return Decision(Waypoint(120, -30))", "WAYPOINT", "this looks like centimetres; in metres it is 1.23693"),
+        ("return Decision(Move(0.25, 90))", "MOVE", "this looks like degrees; in radians it is 1.571"),
     ],
 )
 def test_an_answer_in_another_unit_is_named(tried, act: str, kind: str, expected: str) -> None:
