@@ -103,7 +103,7 @@ class _Deaf:
 
     def recv(self, timeout: float | None = None) -> bytes:
         try:
-            data = self._recv(timeout=None if timeout is None else 0.01)
+            data = self._recv(timeout=0.01 if timeout and self._seq else None)
         except TimeoutError:
             return socket_adapter.packb({"type": "go", "seq": self._seq})
         message = socket_adapter.unpackb(data)
