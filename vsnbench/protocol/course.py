@@ -131,8 +131,8 @@ class CourseMap:
         found = self._solids.query(way, predicate="intersects")
         if not len(found):
             return ""
-        here = shapely.Point(pose.position)
-        nearest = int(min(found, key=lambda number: self._solids.geometries[number].distance(here)))
+        away_m = shapely.distance(self._solids.geometries[found], shapely.Point(pose.position))
+        nearest = int(found[int(np.argmin(away_m))])
         things = solid_objects(self.site)
         number = nearest - (len(self._solids.geometries) - len(things))
         if number < 0:

@@ -123,7 +123,7 @@ def _kind_of_answers(steps: Sequence[StepRecord]) -> str:
 
 def headline(episode: EpisodeRecord, found: EpisodeDiagnosis) -> str:
     """Return the result of an episode: `chair from 1: failure, turned in circles, 3.2 m from the goal`."""
-    parts = [episode.outcome]
+    parts: list[str] = [episode.outcome]
     if found.cause is not None:
         parts.append(found.cause)
     if episode.outcome == "void":

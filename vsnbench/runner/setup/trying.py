@@ -1,7 +1,7 @@
 """Check and trials of `vsnbench try`: which trials, and how long they and the check may be for a slow model."""
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -23,7 +23,7 @@ _PROBES = 3
 
 
 @contextmanager
-def opened_policy(name: str, options: dict[str, Any]) -> Iterator[Policy]:
+def opened_policy(name: str, options: Mapping[str, Any]) -> Iterator[Policy]:
     """Create a policy in this process, which it cannot end, and close it."""
     with process_exit_refused():
         policy = create_policy(name, None, **options)
