@@ -17,6 +17,7 @@ from vsnbench.cli.judging.judge import PENDING_FIELDS
 from vsnbench.cli.running.stress_summary import STRESS
 from vsnbench.cli.study.text import PLAN
 from vsnbench.report.analysis.courses import CourseMeasures
+from vsnbench.report.diagnosis import TRIED
 from vsnbench.report.formats.json import COMPARED, MODEL, REPORT
 from vsnbench.report.measures import Measures
 from vsnbench.report.output import FILES
@@ -80,7 +81,9 @@ def _of_quantities(written: Mapping[str, Any]) -> dict[str, Any]:
         "episodes-show": written["episodes-show"] | shown,
         "db-status": deepcopy(written["db-status"]),
         "judge": deepcopy(written["judge"]),
+        "try": deepcopy(written["try"]),
     }
+    found["try"]["properties"]["trials"]["items"] = TRIED.schema()
     found["db-status"]["properties"]["campaigns"]["items"] = CAMPAIGN.schema()
     found["judge"]["oneOf"][1]["items"] = Fields([*EPISODE.only(*PENDING_FIELDS), *_PROPOSED]).schema()
     return found

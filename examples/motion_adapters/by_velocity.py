@@ -4,7 +4,10 @@ The control is simple: proportional, with a least speed. It reaches about 1 cm a
 state the tolerances that yours reaches in its profile.
 """
 
+import importlib
 import math
+import sys
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
@@ -12,12 +15,15 @@ PERIOD_S = 0.02
 GAIN = 2.0
 
 
+STOPPED = {"completed": False, "refusal": "stopped", "failure": "the client is gone, or asked to stop"}
+
+
 class Base(ABC):
     """What an adapter needs of a robot. Poses are (x, y, heading): metres, radians, REP-103."""
 
     card: dict
     gone_s = 0.6
-    """Time without an answer of the client after which the robot stops."""
+    """Time without a message of the client after which the robot stops."""
     linear_m_s, angular_rad_s = 0.3, 0.5
     """Cruising speeds."""
     least_m_s, least_rad_s = 0.02, 0.05
@@ -28,55 +34,107 @@ class Base(ABC):
     """Time between two poses whose equality says that the base is at rest."""
 
     @property
-    @abstractmethod
     def now_s(self) -> float:
-        """Time on the robot's clock, seconds."""
+        """Time on the robot's clock, seconds. Default: this machine's."""
+        return time.monotonic()
 
     @property
     @abstractmethod
-    def pose(self) -> tuple[float, float, float]:
-        """Newest odometry."""
+    def pose(self) -> tuple[float, float, float] | None:
+        """Newest odometry; None before the first."""
 
     @abstractmethod
     def send(self, forward_m_s: float, turn_rad_s: float) -> str:
         """Command a velocity, wait PERIOD_S; return a word of docs/motion-adapter.md if the robot cannot drive on."""
 
     @abstractmethod
-    def state(self, *, with_depth: bool = False) -> dict:
-        """Return the keys of a `state` message."""
-
-    @abstractmethod
-    def colours(self) -> dict:
-        """Return a new image as an `rgb` map."""
-
-    @abstractmethod
     def stop(self) -> None:
         """Stand still."""
+
+    @property
+    def missing(self) -> str:
+        """What keeps the robot from moving, or an empty string."""
+        return "" if self.pose else "no odometry received yet"
+
+    def state(self, *, with_depth: bool = False) -> dict:
+        """Return the keys of a `state` message."""
+        return {"pose": list(self.pose), "stamp_s": self.now_s}
+
+    def colours(self) -> dict:
+        """Return a new image as an `rgb` map."""
+        raise NotImplementedError
 
     def place(self, pose: list[float], seed: int) -> str:
         """Put a simulated robot at a pose; return why it cannot be there, or an empty string."""
         return "this robot is not simulated"
+
+    def execute(self, movement: dict, deadline_s: float) -> Iterator[None]:
+        """Execute a movement, a period in each step, and stop the robot at any end; return the keys of `done`."""
+        if self.missing:
+            return {"completed": False, "refusal": "sensor", "failure": self.missing}
+        give_up_s = self.now_s + deadline_s
+        try:
+            for forward_m_s, turn_rad_s in _velocities(self, movement):
+                if self.now_s > give_up_s:
+                    return {"completed": False, "refusal": "deadline", "failure": f"not done after {deadline_s:.1f} s"}
+                if word := self.send(forward_m_s, turn_rad_s):
+                    return {"completed": False, "refusal": word, "failure": f"the base reports: {word}"}
+                yield
+        except _RefusedError as error:
+            return {"completed": False, "refusal": "unsupported", "failure": str(error)}
+        finally:
+            self.stop()
+        return {"completed": True}
 
 
 class _RefusedError(Exception):
     """The robot cannot drive on; the word says why."""
 
 
-def execute(base: Base, movement: dict, deadline_s: float) -> Iterator[None]:
-    """Execute a movement, a period in each step; return the keys of `done`."""
-    give_up_s = base.now_s + deadline_s
-    try:
-        for forward_m_s, turn_rad_s in _velocities(base, movement):
-            if base.now_s > give_up_s:
-                return {"completed": False, "refusal": "deadline", "failure": f"not done after {deadline_s:.1f} s"}
-            if word := base.send(forward_m_s, turn_rad_s):
-                return {"completed": False, "refusal": word, "failure": f"the base reports: {word}"}
-            yield
-    except _RefusedError as error:
-        return {"completed": False, "refusal": "unsupported", "failure": str(error)}
-    finally:
-        base.stop()
-    return {"completed": True}
+class Movement:
+    """The movement that a robot executes, one at a time.
+
+    Attributes:
+        request: the message `drive`.
+        ended: the keys of `done`; None while it runs.
+    """
+
+    def __init__(self, robot) -> None:
+        self._robot, self._steps, self.request, self.ended = robot, None, {}, STOPPED
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has begun and not ended."""
+        return self.ended is None
+
+    def begin(self, request: dict) -> None:
+        """Begin a movement instead of the running one; the robot moves in `go_on`."""
+        self.stop()
+        self._steps = self._robot.execute(request["movement"], request["deadline_s"])
+        self.request, self.ended = request, None
+
+    def go_on(self, duration_s: float) -> None:
+        """Continue for a time on the robot's clock, at least one step."""
+        until_s = self._robot.now_s + duration_s
+        try:
+            while True:
+                next(self._steps)
+                if self._robot.now_s >= until_s:
+                    return
+        except StopIteration as end:
+            self.ended = end.value
+
+    def stop(self) -> None:
+        """End it, and stop the robot; nothing if it has ended."""
+        if self.runs:
+            self._steps.close()
+            self.ended = STOPPED
+
+
+def robot_of_command_line(*arguments: object) -> object:
+    """Return the robot that `module:Class ARGUMENT...` on the command line names, made with further arguments first."""
+    module, _, name = sys.argv[1].partition(":")
+    return getattr(importlib.import_module(module), name)(*arguments, *sys.argv[2:])
 
 
 def _velocities(base: Base, movement: dict) -> Iterator[tuple[float, float]]:

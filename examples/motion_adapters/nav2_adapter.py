@@ -1,6 +1,6 @@
 """A motion adapter for Nav2: movements as the actions FollowPath, NavigateToPose, Spin and BackUp.
 
-    python nav2_adapter.py     # needs nav2_msgs of a sourced ROS 2, and Nav2 with the odometry on /odom
+    python ros2_adapter.py nav2_adapter:Nav2    # needs a sourced ROS 2 with nav2_msgs, and the odometry on /odom
 
 | movement | action |
 | --- | --- |
@@ -14,11 +14,8 @@ you set it: set 0.05 m in its goal checker, and `tolerances: {position_m: 0.05, 
 """
 
 import math
-import threading
 import time
-from collections.abc import Callable
-
-from ros2_adapter import STOPPED, serve
+from collections.abc import Iterator
 
 SUCCEEDED, CANCELED = 4, 5  # action_msgs/GoalStatus
 WORDS = {
@@ -27,83 +24,93 @@ WORDS = {
     **dict.fromkeys((107, 701, 711, 9003), "deadline"),
 }
 """Refusal by the error code of a result (nav2_msgs/action); others are faults."""
-PERIOD_S, REST_S, STEP_M, SPEED_M_S = 0.05, 0.3, 0.05, 0.2
+REST_S, STEP_M, SPEED_M_S = 0.3, 0.05, 0.2
 
 
 class Nav2:
-    """Executes movements, one at a time. `clients` are ActionClients by the name of their action.
+    """Executes movements as goals of Nav2: the robot of ros2_adapter.py.
 
     Args:
-        clients: of follow_path, navigate_to_pose, spin and backup.
+        node: the node of the adapter.
+        clients: ActionClients of follow_path, navigate_to_pose, spin and backup by name; default: those of the node.
         types: the message classes that their goals need, by name.
-        pose: returns the odometry (x, y, heading), or None before the first.
         frame: frame of the odometry, which Nav2 transforms into its map.
     """
 
     card = {"name": "nav2", "version": "1", "movements": ["move", "waypoint", "trajectory"]}  # noqa: RUF012
 
-    def __init__(self, clients: dict, types: dict, pose: Callable, frame: str = "odom") -> None:
-        self._clients, self._types, self._pose, self._frame = clients, types, pose, frame
-        self._moving, self._handle = threading.Lock(), None
+    def __init__(self, node, clients: dict | None = None, types: dict | None = None, frame: str = "odom") -> None:
+        self.pose, self._handle, self._frame = None, None, frame
+        self._clients, self._types = (clients, types) if clients else self._connected(node)
 
-    def answer(self, request: dict, gone: Callable[[], bool]) -> dict:
-        """Answer a question; a movement is done when the odometry is at rest."""
-        if request["request"] != "drive":
-            silent = [name for name, client in self._clients.items() if not client.server_is_ready()]
-            missing = f"no action server {silent[0]}" if silent else "" if self._pose() else "no odometry received yet"
-            return {"missing": missing, "adapter": self.card}
-        with self._moving:
-            give_up_s = time.monotonic() + request.get("deadline_s", 60.0)
-            try:
-                goals = self._goals(request["movement"], self._pose())
-            except ValueError as error:
-                return {"completed": False, "refusal": "unsupported", "failure": str(error)}
-            for name, goal in goals:
-                refused = self._run(name, goal, give_up_s, gone)
-                self._await_rest()
+    @property
+    def now_s(self) -> float:
+        return time.monotonic()
+
+    @property
+    def missing(self) -> str:
+        silent = [name for name, client in self._clients.items() if not client.server_is_ready()]
+        return f"no action server {silent[0]}" if silent else "" if self.pose else "no odometry received yet"
+
+    def execute(self, movement: dict, deadline_s: float) -> Iterator[None]:
+        """Execute a movement, which is done when the odometry is at rest; return the keys of `done`."""
+        if self.pose is None:
+            return {"completed": False, "refusal": "sensor", "failure": self.missing}
+        give_up_s = self.now_s + deadline_s
+        try:
+            for name, goal in self._goals(movement, self.pose):
+                refused = yield from self._run(name, goal, give_up_s)
+                yield from self._at_rest()
                 if refused:
                     return refused
-            return {"completed": True}
+        except ValueError as error:
+            return {"completed": False, "refusal": "unsupported", "failure": str(error)}
+        finally:
+            self.stop()
+        return {"completed": True}
 
     def stop(self) -> None:
         """Cancel the running goal: the controller then commands zero velocity."""
         if self._handle is not None:
             self._handle.cancel_goal_async()
+            self._handle = None
 
-    def _run(self, name: str, goal: object, give_up_s: float, gone: Callable[[], bool]) -> dict | None:
+    def _run(self, name: str, goal: object, give_up_s: float) -> Iterator[None]:
         """Run one action; return the answer if the movement ends with it."""
         sent = self._clients[name].send_goal_async(goal)
         while not sent.done():
-            time.sleep(PERIOD_S)
-        handle = self._handle = sent.result()
-        if not handle.accepted:
+            yield
+        self._handle = sent.result()
+        if not self._handle.accepted:
+            self._handle = None
             return {"completed": False, "refusal": "fault", "failure": f"{name} has rejected the goal"}
-        ended, why = handle.get_result_async(), None
+        ended, is_late = self._handle.get_result_async(), False
         while not ended.done():
-            late = time.monotonic() > give_up_s
-            if why is None and (late or gone()):
-                why = (
-                    {"completed": False, "refusal": "deadline", "failure": f"{name} took too long"} if late else STOPPED
-                )
-                handle.cancel_goal_async()
-            time.sleep(PERIOD_S)
+            if not is_late and self.now_s > give_up_s:
+                is_late = True
+                self.stop()
+            yield
         self._handle, response = None, ended.result()
-        if why is not None or response.status == SUCCEEDED:
-            return why
+        if is_late:
+            return {"completed": False, "refusal": "deadline", "failure": f"{name} took too long"}
+        if response.status == SUCCEEDED:
+            return None
         code, text = response.result.error_code, getattr(response.result, "error_msg", "")
         if response.status == CANCELED or code == 0:  # another client's goal ends this one with an empty result
             return {"completed": False, "refusal": "rival", "failure": f"another client ended the goal of {name}"}
         refusal = WORDS.get(code, "fault")
         return {"completed": False, "refusal": refusal, "failure": f"{name}: {text or 'error'} ({code})"}
 
-    def _await_rest(self) -> None:
-        before, give_up_s = self._pose(), time.monotonic() + 2.0
-        while time.monotonic() < give_up_s:
-            time.sleep(REST_S)
-            now = self._pose()
-            if math.dist(before[:2], now[:2]) < 0.002 and abs(math.remainder(now[2] - before[2], math.tau)) < 0.005:
+    def _at_rest(self) -> Iterator[None]:
+        """Wait until the odometry repeats."""
+        give_up_s = self.now_s + 2.0
+        while self.now_s < give_up_s:
+            before, until_s = self.pose, self.now_s + REST_S
+            while self.now_s < until_s:
+                yield
+            turned = math.remainder(self.pose[2] - before[2], math.tau)
+            if math.dist(before[:2], self.pose[:2]) < 0.002 and abs(turned) < 0.005:
                 return
-            before = now
 
     def _goals(self, movement: dict, start: tuple[float, float, float]) -> list[tuple[str, object]]:
         """Return the actions of a movement with their goals."""
@@ -149,35 +156,27 @@ class Nav2:
         message.pose.orientation.z, message.pose.orientation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
         return message
 
+    def _connected(self, node) -> tuple[dict, dict]:
+        """Subscribe to the odometry; return the clients of Nav2's actions and the classes of their goals."""
+        from geometry_msgs.msg import Point, PoseStamped
+        from nav2_msgs.action import BackUp, FollowPath, NavigateToPose, Spin
+        from nav_msgs.msg import Odometry, Path
+        from rclpy.action import ActionClient
+        from rclpy.qos import qos_profile_sensor_data
+
+        node.create_subscription(Odometry, "odom", self._on_odometry, qos_profile_sensor_data)
+        actions = {"follow_path": FollowPath, "navigate_to_pose": NavigateToPose, "spin": Spin, "backup": BackUp}
+        goals = {kind.__name__: kind.Goal for kind in actions.values()}
+        clients = {name: ActionClient(node, kind, name) for name, kind in actions.items()}
+        return clients, {**goals, "Point": Point, "PoseStamped": PoseStamped, "Path": Path}
+
+    def _on_odometry(self, message) -> None:
+        at, turn = message.pose.pose.position, message.pose.pose.orientation
+        heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+        self.pose = at.x, at.y, heading
+
 
 def _placed(start: tuple[float, float, float], x_m: float, y_m: float, heading: float) -> tuple[float, float, float]:
     """Return a pose of the robot's frame at the start in the frame of the odometry."""
     cos, sin = math.cos(start[2]), math.sin(start[2])
     return start[0] + cos * x_m - sin * y_m, start[1] + sin * x_m + cos * y_m, start[2] + heading
-
-
-def with_nav2(node) -> tuple[Callable, Callable]:
-    """Return what answers questions with Nav2, and what stops it."""
-    from geometry_msgs.msg import Point, PoseStamped
-    from nav2_msgs.action import BackUp, FollowPath, NavigateToPose, Spin
-    from nav_msgs.msg import Odometry, Path
-    from rclpy.action import ActionClient
-    from rclpy.qos import qos_profile_sensor_data
-
-    newest = []
-
-    def on_odometry(message) -> None:
-        at, turn = message.pose.pose.position, message.pose.pose.orientation
-        newest[:] = [(at.x, at.y, math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2)))]
-
-    node.create_subscription(Odometry, "odom", on_odometry, qos_profile_sensor_data)
-    actions = {"follow_path": FollowPath, "navigate_to_pose": NavigateToPose, "spin": Spin, "backup": BackUp}
-    clients = {name: ActionClient(node, kind, name) for name, kind in actions.items()}
-    goals = {kind.__name__: kind.Goal for kind in actions.values()}
-    types = {**goals, "Point": Point, "PoseStamped": PoseStamped, "Path": Path}
-    nav2 = Nav2(clients, types, lambda: newest[0] if newest else None)
-    return nav2.answer, nav2.stop
-
-
-if __name__ == "__main__":
-    serve("motion_adapter", with_nav2)

@@ -1,95 +1,69 @@
-"""A motion adapter over a socket (docs/motion-adapter.md) for a robot that takes velocities.
-
-    python socket_adapter.py apartment:Apartment            # the simulated apartment
-    vsnbench run --robot simulated_base.yaml --model oracle --goal chair --starts 1
-    vsnbench doctor --robot simulated_base.yaml --move
+"""A motion adapter over a socket (docs/motion-adapter.md): `python socket_adapter.py apartment:Apartment`.
 
 Another robot is another class in place of `Apartment`: its members are those of `by_velocity.Base`.
 """
 
 import hmac
-import importlib
 import os
-import sys
 import threading
 
-import msgpack
-from by_velocity import Base, execute
+from by_velocity import Movement, robot_of_command_line
+from msgpack import packb, unpackb
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-WIRE, PROGRESS_S = 1, 0.1
-PORT = int(os.environ.get("ADAPTER_PORT", "8770"))
-TOKEN = os.environ.get("VSNBENCH_TOKEN", "")
+TOKEN, PORT = os.environ.get("VSNBENCH_TOKEN", ""), int(os.environ.get("ADAPTER_PORT", "8770"))
 in_use = threading.Lock()
 
 
-def drive(connection, base: Base, request: dict) -> dict:
-    """Execute one movement. The client allows every further tenth of a second with `go`."""
-    steps, due_s = execute(base, request["movement"], request["deadline_s"]), base.now_s
-    try:
-        while True:
-            if base.now_s >= due_s:
-                due_s += PROGRESS_S
-                state = base.state(with_depth=request["watch"])
-                connection.send(msgpack.packb({"type": "progress", "seq": request["seq"], **state}))
-                if msgpack.unpackb(connection.recv(timeout=base.gone_s))["type"] != "go":
-                    return {"completed": False, "refusal": "stopped", "failure": "stopped by the client"}
-            next(steps)
-    except StopIteration as end:
-        return end.value
-    except TimeoutError:
-        return {"completed": False, "refusal": "stopped", "failure": "the client is gone"}
-    finally:
-        base.stop()
-
-
-def answer(connection, base: Base, request: dict) -> None:
-    """Answer one request."""
+def answer(base, request: dict, movement: Movement) -> dict | None:
+    """Return the answer to a request; None where the client expects none."""
     match request["type"]:
-        case "state" | "begin":
-            reply = {"type": "ready" if request["type"] == "begin" else "state", **base.state()}
+        case "state":
+            return {"type": "state", **base.state()}
+        case "begin":
+            return {"type": "ready"}
         case "place":
-            reply = {"type": "placed", "problem": base.place(request["pose"], request["seed"])}
+            return {"type": "placed", "problem": base.place(request["pose"], request["seed"])}
         case "observe":
-            reply = {"type": "observation", **base.state(with_depth=True), "rgb": base.colours()}
-        case "drive":
-            reply = {"type": "done", **drive(connection, base, request), **base.state()}
-        case "stop":
-            base.stop()
-            return
-        case "go":  # for a movement that has just ended
-            return
-        case other:
-            reply = {"type": "error", "code": "protocol", "message": f"no request is called {other}"}
-    connection.send(msgpack.packb({**reply, "seq": request["seq"]}))
+            return {"type": "observation", **base.state(with_depth=True), "rgb": base.colours()}
+        case "drive":  # answered before the robot moves
+            movement.begin(request)
+        case "go" if movement.runs:  # the client allows another tenth of a second
+            movement.go_on(0.1)
+        case "stop" if movement.runs:
+            movement.stop()
+        case _:
+            return None
+    if movement.runs:
+        return {"type": "progress", **base.state(with_depth=movement.request["watch"])}
+    return {"type": "done", **movement.ended, **base.state()}
 
 
-def handle(connection, base: Base) -> None:
-    """Serve one client at a time; the robot stops when it leaves."""
-    hello, refusal = msgpack.unpackb(connection.recv(timeout=10)), None
-    if hello["wire"] > WIRE:
-        refusal = {"code": "version", "message": f"this adapter speaks version {WIRE}"}
-    elif not hmac.compare_digest(hello["token"], TOKEN):
-        refusal = {"code": "token", "message": "wrong token"}
-    elif not in_use.acquire(blocking=False):
-        refusal = {"code": "busy", "message": "another client uses the robot"}
-    if refusal:
-        return connection.send(msgpack.packb({"type": "error", **refusal}))
+def handle(connection, base) -> None:
+    """Serve one client at a time; the robot stops when it leaves, or is silent during a movement."""
+    movement, seq, hello = Movement(base), 0, unpackb(connection.recv(timeout=10))
+    refused = not hmac.compare_digest(hello["token"], TOKEN)
+    if refused or not in_use.acquire(blocking=False):
+        return connection.send(packb({"type": "error", "code": "token" if refused else "busy", "message": "refused"}))
     try:
-        connection.send(msgpack.packb({"type": "card", "wire": WIRE, "card": base.card}))
-        while (request := msgpack.unpackb(connection.recv()))["type"] != "bye":
-            answer(connection, base, request)
+        connection.send(packb({"type": "card", "wire": 1, "card": base.card}))
+        while True:
+            try:
+                request = unpackb(connection.recv(timeout=base.gone_s if movement.runs else None))
+            except TimeoutError:
+                request = {"type": "stop"}
+            seq = request.get("seq", seq)
+            if reply := answer(base, request, movement):
+                connection.send(packb({**reply, "seq": seq}))
     except ConnectionClosed:
-        print("the client has left", file=sys.stderr)
+        print("the client has left")
     finally:
-        base.stop()
+        movement.stop()
         in_use.release()
 
 
 if __name__ == "__main__":
-    module, _, name = sys.argv[1].partition(":")
-    robot = getattr(importlib.import_module(module), name)(*sys.argv[2:])
-    options = {"compression": None, "ping_interval": None, "max_size": 2**20, "origins": [None]}
-    with serve(lambda connection: handle(connection, robot), "127.0.0.1", PORT, **options) as server:
+    robot = robot_of_command_line()
+    with serve(lambda connection: handle(connection, robot), "127.0.0.1", PORT, compression=None) as server:
         server.serve_forever()

@@ -60,6 +60,8 @@ robots check turtlebot2
 robots check robot.yaml
 robots check invalid-robot.yaml
 models new walker
+try answers:Broken --results tried
+try oracle --goal bed --starts 3 --results tried
 models list
 models show oracle
 models show pirlnav
@@ -195,6 +197,7 @@ FINDS = {
     "stress",
     "study run",
     "models check",
+    "try",
 }
 """Commands that exit with 1 for what they find."""
 

@@ -65,22 +65,28 @@ def test_the_way_left_and_being_there_are_those_of_the_judge() -> None:
 
 def test_clearance_is_measured_from_the_edge_of_the_base_along_the_whole_path() -> None:
     """The outer wall's face is at y = 0.05; the two poses are 0.6 m and 0.35 m from it."""
-    found = ground().clearance([Pose(1, 0.65), Pose(3, 0.65), Pose(3, 0.4)])
-    assert found is not None
-    assert found.minimum_m == pytest.approx(0.4 - 0.05 - RADIUS_M)
-    assert found.minimum_m <= found.low_m < 0.65 - 0.05 - RADIUS_M
-    still = ground().clearance([Pose(1, 0.65)] * 40)
-    assert still is not None
-    assert still.minimum_m == still.low_m == pytest.approx(0.6 - RADIUS_M)
+    found_m = ground().clearances_m([Pose(1, 0.65), Pose(3, 0.65), Pose(3, 0.4)])
+    assert found_m.min() == pytest.approx(0.4 - 0.05 - RADIUS_M)
+    assert found_m.max() == pytest.approx(0.65 - 0.05 - RADIUS_M)
+    assert len(found_m) == 1 + 2.25 / 0.05
+    still_m = ground().clearances_m([Pose(1, 0.65)] * 40)
+    assert still_m.tolist() == [pytest.approx(0.6 - RADIUS_M)]
 
 
 def test_turning_on_the_spot_does_not_weigh_in_the_percentile() -> None:
     moving = [Pose(1, 0.65), Pose(3.5, 0.65)]
     turning = [Pose(1, 0.65)] + [Pose(3.5, 0.65, turn / 10) for turn in range(60)]
-    assert ground().clearance(moving) == ground().clearance(turning)
+    assert ground().clearances_m(moving).tolist() == ground().clearances_m(turning).tolist()
 
 
 def test_nothing_is_known_without_poses_or_of_a_goal_that_the_site_lacks() -> None:
-    assert ground().clearance([]) is None
+    assert not len(ground().clearances_m([]))
     assert ground().approach("sofa", []) is None
     assert ground().approach("toilet", [TOWARDS]) is None
+
+
+def test_what_is_ahead_of_a_robot_is_named() -> None:
+    facing = ground()
+    assert facing.solid_ahead(Pose(1, 0.05 + RADIUS_M + 0.1, -math.pi / 2)) == "wall"
+    assert facing.solid_ahead(Pose(7.1 - RADIUS_M - 0.1, 2.0, 0.0)) == "sofa"
+    assert facing.solid_ahead(Pose(2, 2, 0.0)) == ""

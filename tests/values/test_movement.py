@@ -122,3 +122,20 @@ def test_a_velocity_without_a_part_to_the_side_is_written_as_before() -> None:
     assert movement_from_json(movement_to_json(aside)) == aside
     assert reach_m(aside) == pytest.approx(1.0)
     assert movement_text(aside) == "0.30 m/s, 0.40 m/s to the right, 0°/s for 2.0 s"
+
+
+@pytest.mark.parametrize(
+    ("answer", "advice"),
+    [
+        (Waypoint(120.0, -30.0), "this looks like centimetres; in metres it is 1.23693"),
+        (Move(25.0), "this looks like centimetres; in metres it is 0.25"),
+        (Move(0.0, -90.0), "this looks like degrees; in radians it is 1.571"),
+        (Waypoint(1.0, 0.0, 90.0), "this looks like degrees; in radians it is 1.571"),
+        (Trajectory(((100.0, 0.0), (200.0, 0.0))), "this looks like centimetres; in metres it is 2"),
+        (Move(1e6), ""),
+    ],
+)
+def test_a_movement_in_another_unit_is_recognised(answer: Movement, advice: str) -> None:
+    with pytest.raises(DecisionError) as refused:
+        checked_decision(Decision(answer))
+    assert refused.value.advice == advice

@@ -27,6 +27,7 @@ from vsnbench.text.sanitize import memory_problem, sanitize
 from vsnbench.text.streams import sanitized_output
 
 VERBS: dict[str, tuple[str, str]] = {
+    "try": ("vsnbench.cli.running.try_", "Check a policy, run two trials, and say what is wrong with it."),
     "run": ("vsnbench.cli.running.run", "Run the trials of a campaign, or resume it."),
     "stress": ("vsnbench.cli.running.stress", "Measure what disturbances of camera and odometry cost a model."),
     "study": ("vsnbench.cli.study.verbs", "Run a blinded comparison of several models from a locked plan."),

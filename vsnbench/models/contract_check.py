@@ -58,7 +58,7 @@ def try_each(checks: Mapping[str, Callable[[], str]]) -> Iterator[ContractFindin
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # third-party code can raise anything
-            finding = ContractFinding(what, False, take_refused_exit() or _line_and_place(error))
+            finding = ContractFinding(what, False, take_refused_exit() or line_and_place(error))
         yield finding
 
 
@@ -69,12 +69,13 @@ def camera_findings(policy: Policy, profile: RobotProfile | None) -> tuple[Contr
     return (ContractFinding("camera", True, comparison_text(policy.card, profile.name, profile.camera)),)
 
 
-def check_policy(policy: Policy, profile: RobotProfile | None = None) -> Iterator[ContractFinding]:
-    """Run every check of the contract, about 200 steps of the policy, and yield each result as it is known.
+def check_policy(policy: Policy, profile: RobotProfile | None = None, steps: int = STEPS) -> Iterator[ContractFinding]:
+    """Run every check of the contract, about ten episodes, and yield each result as it is known.
 
     Args:
         policy: the model.
         profile: the robot whose limits and camera count; None for a robot of common size.
+        steps: steps of an episode, at least 2.
     """
     tasks = example_tasks(policy.card, profile)
     task = tasks[0]
@@ -83,13 +84,13 @@ def check_policy(policy: Policy, profile: RobotProfile | None = None) -> Iterato
             "card": lambda: card_summary(policy),
             "goals": lambda: goals(policy, tasks),
             "reset twice": lambda: reset_twice(policy, task),
-            "same seed, same actions": lambda: repeats(policy, task, deterministic=True),
-            "episodes are independent": lambda: _forgets(policy, task),
-            "sensors on the card": lambda: _reads_its_sensors(policy, task),
+            "same seed, same actions": lambda: repeats(policy, task, deterministic=True, steps=steps),
+            "episodes are independent": lambda: _forgets(policy, task, steps),
+            "sensors on the card": lambda: _reads_its_sensors(policy, task, steps),
             "unknown goal": lambda: unknown_goal(policy, task),
             "other image sizes": lambda: sizes(policy, task),
             "black image, no depth": lambda: _blind(policy, task),
-            "time": lambda: _time(policy, task),
+            "time": lambda: _time(policy, task, steps),
         }
     )
     yield from camera_findings(policy, profile)
@@ -168,7 +169,7 @@ def goals(policy: Policy, tasks: Sequence[Task]) -> str:
             raise
         except Exception as error:
             kind = task.goal.kind if isinstance(task.goal, Goal) else GoalKind.CATEGORY
-            raise ModelError(f"goal of kind {kind}, {str(task.goal)!r}: {_line_and_place(error)}") from error
+            raise ModelError(f"goal of kind {kind}, {str(task.goal)!r}: {line_and_place(error)}") from error
     return ", ".join(str(task.goal) for task in tasks)
 
 
@@ -179,13 +180,13 @@ def reset_twice(policy: Policy, task: Task) -> str:
     return f"{task.goal}, seed {task.seed}"
 
 
-def repeats(policy: Policy, task: Task, *, deterministic: bool) -> str:
+def repeats(policy: Policy, task: Task, *, deterministic: bool, steps: int = STEPS) -> str:
     """Run two episodes with the same observations and seed.
 
     Raises:
         ModelError: the decisions differ although the policy is deterministic.
     """
-    first, again = (episode(policy, task) for _ in range(2))
+    first, again = (episode(policy, task, steps) for _ in range(2))
     number = first_difference(first, again)
     if number and deterministic:
         raise ModelError(
@@ -194,7 +195,7 @@ def repeats(policy: Policy, task: Task, *, deterministic: bool) -> str:
             "served model",
             code="not-repeatable",
         )
-    return f"{STEPS} actions, {'not repeatable, as on the card' if number else 'the same twice'}"
+    return f"{steps} actions, {'not repeatable, as on the card' if number else 'the same twice'}"
 
 
 def unknown_goal(policy: Policy, task: Task) -> str:
@@ -230,7 +231,7 @@ def sizes(policy: Policy, task: Task) -> str:
         except ModelLostError:
             raise
         except Exception as error:
-            raise ModelError(f"{width} x {height}: {_line_and_place(error)}") from error
+            raise ModelError(f"{width} x {height}: {line_and_place(error)}") from error
     return ", ".join(f"{width} x {height}" for width, height in SIZES)
 
 
@@ -245,20 +246,20 @@ def answer(policy: Policy, task: Task, observation: Observation) -> Decision:
     return fitting_decision(policy.act(observation), policy.card, task.robot)
 
 
-def _forgets(policy: Policy, task: Task) -> str:
-    first = episode(policy, task)
-    episode(policy, replace(task, seed=task.seed + 1), 7)
-    if number := first_difference(first, episode(policy, task)):
+def _forgets(policy: Policy, task: Task, steps: int) -> str:
+    first = episode(policy, task, steps)
+    episode(policy, replace(task, seed=task.seed + 1), min(steps, 7))
+    if number := first_difference(first, episode(policy, task, steps)):
         raise ModelError(f"action {number} differs after another episode", advice="reset all state in `reset`")
     return "the same actions after another episode"
 
 
-def _reads_its_sensors(policy: Policy, task: Task) -> str:
+def _reads_its_sensors(policy: Policy, task: Task, steps: int) -> str:
     unread = []
     for sensor in sorted(policy.card.sensors):
         policy.begin(task)
         try:
-            for number in range(STEPS):
+            for number in range(steps):
                 policy.act(shown_to_policy(_everything(number), policy.card.sensors - {sensor}))
         except SensorNotDeclaredError:
             continue
@@ -269,7 +270,7 @@ def _reads_its_sensors(policy: Policy, task: Task) -> str:
         unread.append(sensor.value)
     if unread:
         # The policy may read them later: a hint, not a failure.
-        return f"{' and '.join(unread)} on the card but not read in {STEPS} steps"
+        return f"{' and '.join(unread)} on the card but not read in {steps} steps"
     return ", ".join(sorted(policy.card.sensors)) or "none needed"
 
 
@@ -290,15 +291,21 @@ def _blind(policy: Policy, task: Task) -> str:
     return answer(policy, task, synthetic_observation(policy, 0, blind=True)).action.value
 
 
-def _time(policy: Policy, task: Task) -> str:
+def durations_s(policy: Policy, task: Task, steps: int) -> list[float]:
+    """Return the time of each decision in a synthetic episode, wall time in seconds."""
     policy.begin(task)
-    durations_s = []
-    for number in range(STEPS):
+    measured = []
+    for number in range(steps):
         observation = synthetic_observation(policy, number)
         start_s = time.perf_counter()
         policy.act(observation)
-        durations_s.append(time.perf_counter() - start_s)
-    return f"{statistics.median(durations_s) * 1000:.1f} ms per step (median), {max(durations_s) * 1000:.1f} ms maximum"
+        measured.append(time.perf_counter() - start_s)
+    return measured
+
+
+def _time(policy: Policy, task: Task, steps: int) -> str:
+    measured_s = durations_s(policy, task, steps)
+    return f"{statistics.median(measured_s) * 1000:.1f} ms per step (median), {max(measured_s) * 1000:.1f} ms maximum"
 
 
 def first_difference(first: list[Decision], again: list[Decision]) -> int:
@@ -315,8 +322,8 @@ def _line(error: BaseException) -> str:
     return str(error) if isinstance(error, VsnbenchError) else error_line(error)
 
 
-def _line_and_place(error: BaseException) -> str:
-    """Return a model's error and the last line of its own code in the traceback."""
+def line_and_place(error: BaseException) -> str:
+    """Return a model's error and the last line of its own code in the traceback: `KeyError: 3 (mine.py, line 7)`."""
     own = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)

@@ -18,7 +18,7 @@ from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.geometry.line_of_sight import sight
-from vsnbench.sites.geometry.walls import solid_shapes
+from vsnbench.sites.geometry.walls import solid_objects, solid_shapes
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import Target, targets_of
 from vsnbench.values.pose import Pose
@@ -28,7 +28,6 @@ Flags = npt.NDArray[np.bool_]
 
 APPROACHED = 0.5
 """Share of the shortest path at the start that may remain when the goal counts as approached."""
-LOW_PERCENTILE = 5
 _SAMPLE_M = 0.05
 """Distance between the points of a path at which clearance is measured."""
 
@@ -48,15 +47,6 @@ class Stage(StrEnum):
     """STOP would have succeeded."""
     STOPPED = "stopped"
     """The episode succeeded."""
-
-
-@dataclass(frozen=True, slots=True)
-class Clearance:
-    """Distances between the edge of the base and the nearest solid of the map along a path, metres."""
-
-    minimum_m: float
-    low_m: float
-    """5th percentile over the path's length."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,16 +107,38 @@ class CourseMap:
             reached=np.asarray(shapely.intersects_xy(region, places[:, 0], places[:, 1]), bool),
         )
 
-    def clearance(self, poses: Sequence[Pose]) -> Clearance | None:
-        """Return the clearance along the straight lines between the poses; None without poses."""
+    def clearances_m(self, poses: Sequence[Pose]) -> Floats:
+        """Return the distances between the edge of the base and the nearest solid of the map.
+
+        They are measured every 5 cm along the straight lines between the poses; none without poses.
+        """
         if not poses:
-            return None
+            return np.empty(0)
         line = shapely.LineString([poses[0].position, *(pose.position for pose in poses)])
         along = np.append(np.arange(0.0, line.length, _SAMPLE_M), line.length)
         points = np.asarray(shapely.line_interpolate_point(line, along), dtype=object)
         _, centre_m = self._solids.query_nearest(points, return_distance=True, all_matches=False)
-        edge_m = np.maximum(np.asarray(centre_m, np.float64) - self._radius_m, 0.0)
-        return Clearance(float(edge_m.min()), float(np.percentile(edge_m, LOW_PERCENTILE)))
+        return np.maximum(np.asarray(centre_m, np.float64) - self._radius_m, 0.0)
+
+    def solid_ahead(self, pose: Pose) -> str:
+        """Return what the depth guard finds ahead of a robot at a pose: `wall`, or the id of an object; else nothing.
+
+        An id is shortened to its category where the site has one object of it.
+        """
+        reach_m = self._radius_m + self._parameters.depth_guard.distance_m
+        ahead = pose.compose(Pose(reach_m, 0.0))
+        way = shapely.LineString([pose.position, ahead.position]).buffer(self._radius_m)
+        found = self._solids.query(way, predicate="intersects")
+        if not len(found):
+            return ""
+        away_m = shapely.distance(self._solids.geometries[found], shapely.Point(pose.position))
+        nearest = int(found[int(np.argmin(away_m))])
+        things = solid_objects(self.site)
+        number = nearest - (len(self._solids.geometries) - len(things))
+        if number < 0:
+            return "wall"
+        thing = things[number]
+        return thing.category if len(self.site.instances(thing.category)) == 1 else thing.id
 
     def _of_goal(self, goal: str) -> _Goal | None:
         """Return the targets of a goal and its success region; None if the site has no target of it."""

@@ -53,7 +53,7 @@ def describe_number_error(detail: ErrorDetails) -> FieldError | None:
     limit = float(detail["ctx"][bound])
     symbol = _unit_of(field)[0]
     statement = f"must be {relation} {limit:g}{symbol}, got {given:g}{symbol}"
-    return FieldError(statement, _other_unit(field, float(given), limit) if kind in _UPPER_BOUNDS else "")
+    return FieldError(statement, other_unit(field, float(given), limit) if kind in _UPPER_BOUNDS else "")
 
 
 def as_written(given: Any) -> str:
@@ -88,8 +88,10 @@ def _not_a_number(kind: str, given: Any, field: str) -> FieldError:
     return FieldError(statement, f"write it in {unit}" if unit else "")
 
 
-def _other_unit(field: str, given: float, limit: float) -> str:
-    """Return the largest unit in which a length above its limit is possible; empty for other numbers."""
+def other_unit(field: str, given: float, limit: float) -> str:
+    """Return the largest unit in which a length or an angle above its limit is possible; empty for other numbers."""
+    if field.endswith("_rad") and math.radians(given) <= limit:
+        return f"this looks like degrees; in radians it is {math.radians(given):.4g}"
     name = _unit_of(field)[1]
     if given < 1 or not name.startswith("metres"):
         return ""

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any, Final, get_args
 
 from vsnbench.errors import DecisionError
+from vsnbench.settings.number_errors import other_unit
 from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.pose import Pose
 
@@ -285,7 +286,8 @@ def checked_movement(given: object) -> Movement:
         case Waypoint():
             x_m, y_m = _point((given.x_m, given.y_m), "waypoint")
             if (away_m := math.hypot(x_m, y_m)) > MAX_DISTANCE_M:
-                raise DecisionError(f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m")
+                far = f"a waypoint must be at most {MAX_DISTANCE_M:g} m away, got {away_m:.4g} m"
+                raise DecisionError(far, advice=other_unit("_m", away_m, MAX_DISTANCE_M))
             if given.heading_rad is None:
                 return Waypoint(x_m, y_m)
             return Waypoint(x_m, y_m, _bounded(given.heading_rad, "waypoint.heading_rad", math.tau))
@@ -315,7 +317,8 @@ def _trajectory(given: Trajectory) -> Trajectory:
         raise DecisionError(f"a trajectory must have 2 to {MAX_POINTS} points, got {len(given.points)}")
     checked = Trajectory(tuple(_point(point, f"trajectory.points[{k}]") for k, point in enumerate(given.points)))
     if checked.length_m > MAX_PATH_M:
-        raise DecisionError(f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m")
+        long = f"a trajectory must be at most {MAX_PATH_M:g} m long, got {checked.length_m:.4g} m"
+        raise DecisionError(long, advice=other_unit("_m", checked.length_m, MAX_PATH_M))
     return checked
 
 
@@ -330,7 +333,8 @@ def _point(value: Any, what: str) -> tuple[float, float]:
 def _bounded(value: Any, what: str, most: float) -> float:
     number = _finite_in(value, what)
     if abs(number) > most:
-        raise DecisionError(f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}")
+        limits = f"{what} must be between -{most:.4g} and {most:.4g}, got {number:.6g}"
+        raise DecisionError(limits, advice=other_unit(what, abs(number), most))
     return number
 
 

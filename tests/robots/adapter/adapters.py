@@ -138,4 +138,4 @@ def scripted(
 
 def reply(connection: Any, message: dict[str, Any], kind: str, **content: Any) -> None:
     """Send an answer to a request."""
-    connection.send(socket_adapter.msgpack.packb({"type": kind, "seq": message["seq"], **content}))
+    connection.send(socket_adapter.packb({"type": kind, "seq": message["seq"], **content}))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.robots.adapter.adapters import PlaneBase, by_velocity, reply, served, socket_adapter, write_profile
+from tests.robots.adapter.adapters import PlaneBase, served, socket_adapter, write_profile
 from vsnbench.robots.checkup.adapters import socket as adapter
 from vsnbench.robots.checkup.check_up import check_up
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -77,7 +77,7 @@ def _done_at_once(*_: Any) -> Iterator[None]:
 def test_an_adapter_that_says_done_at_once_is_dishonest(
     base: PlaneBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(socket_adapter, "execute", _done_at_once)
+    monkeypatch.setattr(base, "execute", _done_at_once)
     results = checked(base, tmp_path)
     assert results["Left 30°"].health is Health.FAILED
     assert results["Left 30°"].seen == "answered True; the odometry turned +0.0°"
@@ -88,28 +88,32 @@ def test_an_adapter_that_says_done_at_once_is_dishonest(
 def test_an_adapter_that_does_not_listen_fails_stop_and_lost_client(
     base: PlaneBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(socket_adapter, "drive", _deaf)
+    handle = socket_adapter.handle
+    monkeypatch.setattr(socket_adapter, "handle", lambda connection, base: handle(_Deaf(connection), base))
     results = checked(base, tmp_path)
     assert faults(results) == {"stop", "lost client"}
     assert results["stop"].seen.startswith("answered completed")
 
 
-def _deaf(connection: Any, base: PlaneBase, request: dict[str, Any]) -> dict[str, Any]:
-    steps = by_velocity.execute(base, request["movement"], request["deadline_s"])
-    number = 0
-    while True:
+class _Deaf:
+    """A connection whose adapter takes `stop` and silence for another `go`."""
+
+    def __init__(self, connection: Any) -> None:
+        self.send, self._recv, self._seq = connection.send, connection.recv, 0
+
+    def recv(self, timeout: float | None = None) -> bytes:
         try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-        if number % 10 == 0:
-            reply(connection, request, "progress", **base.state())
-        number += 1
+            data = self._recv(timeout=0.01 if timeout and self._seq else None)
+        except TimeoutError:
+            return socket_adapter.packb({"type": "go", "seq": self._seq})
+        message = socket_adapter.unpackb(data)
+        self._seq = message.get("seq", self._seq)
+        return socket_adapter.packb({"type": "go", "seq": self._seq}) if message["type"] == "stop" else data
 
 
 def test_an_adapter_without_deadlines_fails(base: PlaneBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    execute = by_velocity.execute
-    monkeypatch.setattr(socket_adapter, "execute", lambda base, movement, _: execute(base, movement, 60.0))
+    execute = base.execute
+    monkeypatch.setattr(base, "execute", lambda movement, _: execute(movement, 60.0))
     results = checked(base, tmp_path)
     assert faults(results) == {"deadline"}
     assert "`refusal: deadline`" in results["deadline"].advice

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-import tests.robots.adapter.adapters  # noqa: F401  # puts the examples on the path
+from tests.robots.adapter.adapters import by_velocity
 from tests.robots.adapter.nav2_stand_in import TYPES, Nav2StandIn
 from vsnbench.sensing.movement_check import contradiction
 from vsnbench.values.encoding.motion_answer import result_of_answer
@@ -18,15 +18,36 @@ import nav2_adapter  # isort: skip  # adapters has its path
 
 @pytest.fixture
 def nav2(monkeypatch: pytest.MonkeyPatch) -> Nav2StandIn:
-    monkeypatch.setattr(nav2_adapter, "PERIOD_S", 0.0)
     monkeypatch.setattr(nav2_adapter, "REST_S", 0.0)
     return Nav2StandIn()
 
 
-def driven(nav2: Nav2StandIn, movement: Drive, *, gone: Any = lambda: False, deadline_s: float = 30.0) -> MotionResult:
-    adapter = nav2_adapter.Nav2(nav2.clients, TYPES, nav2.pose)
-    request = {"request": "drive", "movement": movement_to_json(movement), "deadline_s": deadline_s}
-    return result_of_answer(adapter.answer(request, gone))
+class Adapter(nav2_adapter.Nav2):
+    """The adapter with the odometry of the stand-in, whose robot moves at once."""
+
+    def __init__(self, nav2: Nav2StandIn) -> None:
+        self._nav2 = nav2
+        super().__init__(None, nav2.clients, TYPES)
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        return self._nav2.pose()
+
+    @pose.setter
+    def pose(self, _: object) -> None:
+        """Leave out the odometry's first value."""
+
+
+def driven(nav2: Nav2StandIn, movement: Drive, *, leaves_after: int = 10**6, deadline_s: float = 30.0) -> MotionResult:
+    """Execute a movement for a client that leaves after some steps."""
+    running = by_velocity.Movement(Adapter(nav2))
+    running.begin({"movement": movement_to_json(movement), "deadline_s": deadline_s})
+    steps = 0
+    while running.runs and steps < leaves_after:
+        running.go_on(0.0)
+        steps += 1
+    running.stop()
+    return result_of_answer(running.ended)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +109,7 @@ def test_a_rejected_goal_is_a_fault(nav2: Nav2StandIn) -> None:
 
 def test_a_client_that_is_gone_cancels_the_goal(nav2: Nav2StandIn) -> None:
     nav2.never_ends = True
-    result = driven(nav2, Move(0.25), gone=lambda: True)
+    result = driven(nav2, Move(0.25), leaves_after=10)
     assert (result.completed, nav2.cancelled) == (False, 1)
     assert "the client is gone" in result.failure
 
@@ -104,7 +125,7 @@ def test_a_velocity_is_refused(nav2: Nav2StandIn) -> None:
 
 
 def test_it_says_which_server_is_missing(nav2: Nav2StandIn) -> None:
-    adapter = nav2_adapter.Nav2(nav2.clients, TYPES, nav2.pose)
-    assert adapter.answer({"request": "ping"}, lambda: False)["missing"] == ""
+    adapter = Adapter(nav2)
+    assert adapter.missing == ""
     nav2.accepts = False
-    assert adapter.answer({"request": "ping"}, lambda: False)["missing"] == "no action server follow_path"
+    assert adapter.missing == "no action server follow_path"

@@ -1,7 +1,6 @@
 """The example of an adapter over ROS 2 serves the client of vsnbench, on topics without ROS."""
 
-import threading
-from collections.abc import Callable
+import json
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,20 +23,36 @@ def base() -> PlaneBase:
 
 
 @pytest.fixture
-def client(base: PlaneBase) -> TopicServiceClient:
-    wire, moving = Wire(), threading.Lock()
+def wire() -> Wire:
+    return Wire()
 
-    def answer(request: dict[str, Any], gone: Callable[[], bool]) -> dict[str, Any]:
-        return ros2_adapter.answer_with(base, moving, request, gone)
 
-    service = ros2_adapter.MovementService(wire.text_publisher("/move/answer"), answer)
-    wire.subscribe_text("/move/question", service.on_question)
+@pytest.fixture
+def service(base: PlaneBase, wire: Wire) -> Any:
+    made = ros2_adapter.MovementService(base, wire.text_publisher("/move/answer"))
+    wire.subscribe_text("/move/question", made.take)
+    return made
+
+
+@pytest.fixture
+def client(wire: Wire, service: Any) -> TopicServiceClient:
     return TopicServiceClient(wire, "/move")
 
 
-def drive(client: TopicServiceClient, deadline_s: float = 20.0) -> Any:
-    movement = movement_to_json(Move(0.5, holds_heading=True))
-    return client.call({"request": "drive", "movement": movement, "deadline_s": deadline_s}, 30.0)
+def request(distance_m: float = 0.5, deadline_s: float = 20.0) -> dict[str, Any]:
+    movement = movement_to_json(Move(distance_m, holds_heading=True))
+    return {"request": "drive", "movement": movement, "deadline_s": deadline_s}
+
+
+def drive(client: TopicServiceClient, service: Any, **asked: float) -> Any:
+    """Return the answer; the adapter works while the client waits."""
+    return client.call(request(**asked), 30.0, lambda: work(service))
+
+
+def work(service: Any) -> None:
+    """Let half a second pass for a base, which first looks whether it is at rest."""
+    for _ in range(25):
+        service.step()
 
 
 def test_it_states_its_card(client: TopicServiceClient) -> None:
@@ -47,38 +62,53 @@ def test_it_states_its_card(client: TopicServiceClient) -> None:
     assert ActionKind.WAYPOINT in card.movements
 
 
-def test_it_executes_a_movement(client: TopicServiceClient, base: PlaneBase) -> None:
+def test_it_executes_a_movement(client: TopicServiceClient, service: Any, base: PlaneBase) -> None:
     start = base.at
-    assert result_of_answer(drive(client)).completed
+    assert result_of_answer(drive(client, service)).completed
     assert base.at.distance_to(start) == pytest.approx(0.5, abs=0.01)
     assert base.speed == (0.0, 0.0)
 
 
-def test_it_ends_a_movement_at_its_deadline(client: TopicServiceClient, base: PlaneBase) -> None:
-    result = result_of_answer(drive(client, deadline_s=0.5))
+def test_it_ends_a_movement_at_its_deadline(client: TopicServiceClient, service: Any, base: PlaneBase) -> None:
+    result = result_of_answer(drive(client, service, deadline_s=0.5))
     assert (result.completed, result.failure) == (False, "not done after 0.5 s")
 
 
-def test_it_stops_when_its_client_is_gone(
-    client: TopicServiceClient, base: PlaneBase, monkeypatch: pytest.MonkeyPatch
+def test_a_question_that_comes_again_after_its_answer_moves_nothing(
+    client: TopicServiceClient, service: Any, base: PlaneBase, wire: Wire
 ) -> None:
-    now_s, stopped, left = [0.0], threading.Event(), threading.Event()
+    drive(client, service)
+    (asked, *_), answers = (
+        [text for topic, text in wire.sent if topic == name] for name in ("/move/question", "/move/answer")
+    )
+    there = base.at
+    service.take(asked)
+    service.step()
+    assert base.at == there
+    assert wire.sent[-1] == ("/move/answer", answers[-1])
+
+
+def test_a_new_movement_ends_the_running_one(service: Any, base: PlaneBase, wire: Wire) -> None:
+    for number in (1, 2):
+        service.take(json.dumps({"asker": "a", "number": number, "question": request(5.0)}))
+        work(service)
+    (_, answer), *more = wire.sent
+    assert not more
+    assert json.loads(answer)["number"] == 1
+    assert json.loads(answer)["answer"]["refusal"] == "stopped"
+    assert base.speed != (0.0, 0.0)
+
+
+def test_it_stops_when_its_client_is_gone(service: Any, base: PlaneBase, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [0.0]
     monkeypatch.setattr(ros2_adapter, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    send, stop = base.send, base.stop
-
-    def waiting(forward_m_s: float, turn_rad_s: float) -> str:
-        left.wait(30.0)
-        return send(forward_m_s, turn_rad_s)
-
-    monkeypatch.setattr(base, "send", waiting)
-    monkeypatch.setattr(base, "stop", lambda: (stop(), stopped.set()))
-
-    def leave() -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        client.call({"request": "drive", "movement": movement_to_json(Move(5.0)), "deadline_s": 60.0}, 30.0, leave)
-    now_s[0] = ros2_adapter.GONE_S + 0.1
-    left.set()
-    assert stopped.wait(30.0)
+    question = json.dumps({"asker": "a", "number": 1, "question": request(5.0)})
+    for _ in range(3):
+        service.take(question)
+        work(service)
+        now_s[0] += ros2_adapter.GONE_S - 0.1
+    assert base.speed != (0.0, 0.0)
+    now_s[0] += 0.2
+    service.step()
     assert base.speed == (0.0, 0.0)
+    assert not service.movement.runs

@@ -60,7 +60,7 @@ def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Mad
 
 
 def finish(base: by_velocity.Base, movement: Drive, deadline_s: float = 60.0) -> dict[str, Any]:
-    steps = by_velocity.execute(base, movement_to_json(movement), deadline_s)
+    steps = base.execute(movement_to_json(movement), deadline_s)
     while True:
         try:
             next(steps)

@@ -104,22 +104,17 @@ def check_against_contract(
 ) -> "Iterator[ContractFinding]":
     """Check a policy in this process, and yield each result as it is known."""
     from vsnbench.models.contract_check import check_policy
-    from vsnbench.models.process_exit import process_exit_refused
-    from vsnbench.models.registry import create_policy
-    from vsnbench.runner.setup.trial_setup import close_policy, warn_of_assumptions
+    from vsnbench.runner.setup.trial_setup import warn_of_assumptions
+    from vsnbench.runner.setup.trying import opened_policy
 
-    with process_exit_refused():
-        policy = create_policy(name, None, **options)
-        try:
-            if policy.needs_survey:
-                raise UsageError(
-                    f"model {name} receives the site, and the images of this check belong to no site",
-                    advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
-                )
-            warn_of_assumptions(policy.card, parameters)
-            yield from check_policy(policy, profile)
-        finally:
-            close_policy(policy)
+    with opened_policy(name, options) as policy:
+        if policy.needs_survey:
+            raise UsageError(
+                f"model {name} receives the site, and the images of this check belong to no site",
+                advice=f"run it in a site: vsnbench run --model {name} --goal chair --starts 1",
+            )
+        warn_of_assumptions(policy.card, parameters)
+        yield from check_policy(policy, profile)
 
 
 def print_findings(findings: "Iterator[ContractFinding]", *, as_json: bool) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
@@ -163,24 +164,30 @@ def _measured(
         yield int(row["episode"]), *astuple(known)
 
 
-def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
-    """Return the measures of one episode's course."""
+def course_of(engine: Engine, episode: EpisodeRecord) -> tuple[CourseMap | None, Course | None, Approach | None]:
+    """Return the map of one episode, its course and how it came near its goal; None for what is unknown."""
     origin = episode.provenance
     course = read_courses(engine, [episode.id]).get(episode.id)
     ground = _map_of(origin.site_content, origin.robot_profile, origin.protocol)
+    return ground, course, _approach(ground, episode.goal, course)
+
+
+def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
+    """Return the measures of one episode's course."""
+    ground, course, approach = course_of(engine, episode)
     path_m = math.nan if episode.path_m is None else episode.path_m
-    return _measure(ground, course, _approach(ground, episode.goal, course), path_m, episode.success is True)
+    return _measure(ground, course, approach, path_m, episode.success is True)
 
 
 def _measure(
     ground: CourseMap | None, course: Course | None, approach: Approach | None, path_m: float, succeeded: bool
 ) -> CourseMeasures:
     poses = course.poses if course else ()
-    clearance = ground.clearance(poses) if ground else None
+    clearances_m = ground.clearances_m(poses) if ground else ()
     return CourseMeasures(
         stage=approach.stage(succeeded) if approach else Stage.STOPPED if succeeded else None,
-        clearance_min_m=clearance.minimum_m if clearance else None,
-        clearance_p5_m=clearance.low_m if clearance else None,
+        clearance_min_m=float(np.min(clearances_m)) if len(clearances_m) else None,
+        clearance_p5_m=float(np.percentile(clearances_m, 5)) if len(clearances_m) else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
         waiting_s=course.waiting_s if course else None,
         oracle_success=_oracle_success(course, approach, succeeded),

@@ -149,7 +149,8 @@ def failure_places(failures: Sequence[Failure]) -> tuple[FailurePlace, ...]:
 
 
 def _failure(condition: Condition, row: Any, course: Course | None, approach: Approach | None) -> Failure:
-    kind = _kind(row, course, approach, condition.success_distance_m or 1.0)
+    within_m = condition.success_distance_m or 1.0
+    kind = failure_kind(row["end_reason"], float(row["distance_m"]), course, approach, within_m)
     place = None
     if course and course.poses:
         if kind in (FailureKind.REACHED, FailureKind.PASSED) and approach is not None:
@@ -167,13 +168,24 @@ def _nearest(approach: Approach) -> int:
     return int(np.argmin(remaining_m))
 
 
-def _kind(row: Any, course: Course | None, approach: Approach | None, within_m: float) -> FailureKind:
-    if row["end_reason"] == EndReason.COLLISION.value:
+def failure_kind(
+    end_reason: str | None, distance_m: float, course: Course | None, approach: Approach | None, within_m: float
+) -> FailureKind:
+    """Return the cause of a failure.
+
+    Args:
+        end_reason: reason of the episode's end, as recorded.
+        distance_m: distance to the goal at the end; NaN if unknown.
+        course: poses of the episode; None if they are unknown.
+        approach: how it came near its goal; None if that is unknown.
+        within_m: success distance.
+    """
+    if end_reason == EndReason.COLLISION.value:
         return FailureKind.COLLISION
-    if row["end_reason"] == EndReason.STOP.value:
-        if math.isnan(row["distance_m"]):
+    if end_reason == EndReason.STOP.value:
+        if math.isnan(distance_m):
             return FailureKind.UNKNOWN
-        return FailureKind.STOPPED_EARLY if row["distance_m"] < NEAR * within_m else FailureKind.STOPPED_FAR
+        return FailureKind.STOPPED_EARLY if distance_m < NEAR * within_m else FailureKind.STOPPED_FAR
     if course is None or approach is None or approach.in_view is None:
         return FailureKind.UNKNOWN
     if approach.reached.any():

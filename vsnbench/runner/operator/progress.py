@@ -32,7 +32,8 @@ _STYLE = {True: "green", False: "red", None: "yellow"}
 class ProgressDisplay(Display):
     """A progress bar on stderr while the context is entered; plain lines where stderr is not a terminal.
 
-    `other_trials` are those of the sweep's other campaigns, and `first_line` is shown above the bar.
+    `other_trials` are those of the sweep's other campaigns, and `first_line` is shown above the bar. Without
+    `shows_episodes` there is only the bar.
     """
 
     def __init__(
@@ -44,12 +45,13 @@ class ProgressDisplay(Display):
         shows_actions: bool = True,
         other_trials: TrialCounts = NO_TRIALS,
         first_line: str = "",
+        shows_episodes: bool = True,
     ) -> None:
         self.console = Console(file=sys.stderr, highlight=False)
         narrow = self.console.width < 100
         bar_label = "" if narrow or len(label) > MAX_LABEL else label
         self._title = label if other_trials.total or not bar_label else ""
-        self._first_line = first_line
+        self._first_line, self._shows_episodes = first_line if shows_episodes else "", shows_episodes
         self._done, self._successes = trials.done, trials.successes
         self._parameters = parameters
         self._shows_actions = shows_actions
@@ -74,7 +76,7 @@ class ProgressDisplay(Display):
         )
 
     def __enter__(self) -> Self:
-        if self._title:
+        if self._title and self._shows_episodes:
             self.console.print(f"[bold]{escape(self._title)}[/bold]")
         if self._first_line:
             self.say(self._first_line)
@@ -115,6 +117,8 @@ class ProgressDisplay(Display):
                 self._count(success)
             self._bar.advance(self._task)
         self._bar.update(self._task, now="")
+        if not self._shows_episodes:
+            return
         awaits = "[cyan]awaits judgement[/], proposed: " if outcome.proposed and success is not None else ""
         why = f": {escape(outcome.error)}" if outcome.error else ""
         self.console.print(

@@ -42,6 +42,8 @@ class OperatorProvider:
     """Trials of the sweep's campaigns before this one."""
     of_sweep: int = 0
     """Trials of the sweep."""
+    shows_episodes: bool = True
+    """The display has a line for each episode, and where the session is recorded."""
 
     def require(self, profile: RobotProfile) -> None:
         """Check that an operator can be reached, before anything is written.
@@ -118,6 +120,7 @@ class OperatorProvider:
             shows_actions=not session.is_blind,
             other_trials=others,
             first_line=note,
+            shows_episodes=self.shows_episodes,
         )
 
 

@@ -29,9 +29,13 @@ def wall_shapes(site: Site) -> list[BaseGeometry]:
 
 
 def solid_shapes(site: Site, below_m: float = TOUCH_HEIGHT_M) -> list[BaseGeometry]:
-    """Return the footprints that a robot of height `below_m` can touch: walls and solid objects."""
-    objects = [thing.shape for thing in site.objects if thing.solid and thing.elevation_m < below_m]
-    return [*wall_shapes(site), *objects]
+    """Return the footprints that a robot of height `below_m` can touch: walls, then those of `solid_objects`."""
+    return [*wall_shapes(site), *(thing.shape for thing in solid_objects(site, below_m))]
+
+
+def solid_objects(site: Site, below_m: float = TOUCH_HEIGHT_M) -> list[SiteObject]:
+    """Return the objects that a robot of height `below_m` can touch."""
+    return [thing for thing in site.objects if thing.solid and thing.elevation_m < below_m]
 
 
 def walls_of(site: Site, start: Point, end: Point, tolerance_m: float = 0.02) -> list[Wall]:
