@@ -58,7 +58,7 @@ _ORDER = (
 def drawings(report: Report, url: str) -> list[Drawing]:
     """Draw the figures of a report in reading order."""
     drawn = [*_charts(report), *_histograms(report)]
-    return _in_order([*drawn, *(drawing for plan in _plans(report, url) if (drawing := plan.drawing()))])
+    return _in_order([*drawn, *(drawing for plan in _plans(report, url) if (drawing := plan()))])
 
 
 def _in_order(drawn: Iterable[Drawing]) -> list[Drawing]:
