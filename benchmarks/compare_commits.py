@@ -2,10 +2,10 @@
 
     python benchmarks/compare_commits.py [COMMIT] [--rounds 3] [--trials 500]
 
-The default is the last tag. Each commit runs from its own files with this interpreter's packages, its own cache of
-compiled code, and the record that its own `run` wrote. The first column is the processor time of this tree; ratios are
-this tree to the other commit, each of the smallest of all rounds, and above 1 is more. Bytes are those on stdout and in
-the files of results.
+The default is the last tag. Each commit runs from its own files with this interpreter's packages, its own caches, which
+are empty at first, and the record that its own `run` wrote. The first column is the processor time of this tree; ratios
+are this tree to the other commit, each of the smallest of all rounds, and above 1 is more. Bytes are those of stdout
+and of the files of results.
 """
 
 import argparse
@@ -51,7 +51,13 @@ class Tree:
 
     def measure(self, words: list[str], results: Path | None) -> Use:
         """Run Python with these words; results is a directory that the command writes."""
-        environment = {**os.environ, "PYTHONPATH": str(self.files), "NUMBA_CACHE_DIR": str(self.work / "compiled")}
+        caches = {
+            "NUMBA_CACHE_DIR": str(self.work / "compiled"),
+            "XDG_CACHE_HOME": str(self.work / "cache"),
+            "PYTHONPYCACHEPREFIX": str(self.work / "bytecode"),
+            "PYTHONDONTWRITEBYTECODE": "",  # else every command would translate the package again
+        }
+        environment = {**os.environ, "PYTHONPATH": str(self.files), **caches}
         with (self.work / "stdout").open("wb") as output, (self.work / "stderr").open("wb") as errors:
             command = [sys.executable, *words]
             process = subprocess.Popen(command, cwd=self.work, env=environment, stdout=output, stderr=errors)

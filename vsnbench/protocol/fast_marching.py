@@ -22,14 +22,16 @@ def signed_distance_m(level: Any, free: Any, resolution_m: float) -> Any:
         free: (rows, columns) bool: cells that a path may use.
         resolution_m: size of a cell.
     """
-    return _march(np.ascontiguousarray(level, np.float64), free, resolution_m, _STEPS)
+    distance = np.full(level.shape, np.inf)
+    final, frozen = np.zeros(level.shape, np.bool_), np.empty((level.size, 2), np.int64)
+    _march(np.ascontiguousarray(level, np.float64), free, resolution_m, _STEPS, distance, final, frozen)
+    return distance
 
 
 @compiled
-def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
+def _march(level: Any, free: Any, resolution_m: float, steps: Any, distance: Any, final: Any, frozen: Any) -> None:
+    """Write the distance of each cell; `final` is False at first, and `frozen` is space for cells of equal distance."""
     rows, columns = level.shape
-    distance = np.full((rows, columns), np.inf)
-    final = np.zeros((rows, columns), np.bool_)
     for row in range(rows):
         for column in range(columns):
             if free[row, column]:
@@ -46,7 +48,6 @@ def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
                     distance[row, column] = _solved(level, final, resolution_m, distance, row, column)
                     heappush(waiting, (abs(distance[row, column]), row * columns + column))
                     break
-    frozen = np.empty((rows * columns, 2), np.int64)
     while waiting:
         key = waiting[0][0]
         count = 0
@@ -76,7 +77,6 @@ def _march(level: Any, free: Any, resolution_m: float, steps: Any) -> Any:
         for column in range(columns):
             if not final[row, column]:
                 distance[row, column] = np.inf
-    return distance
 
 
 @compiled

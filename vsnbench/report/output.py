@@ -3,30 +3,26 @@
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from vsnbench.errors import UsageError
-from vsnbench.files.atomic import write_atomic
-from vsnbench.report.build import Report
-from vsnbench.report.figures.style import Drawing
-from vsnbench.report.formats.csv import to_csv
-from vsnbench.report.formats.html import html_page
-from vsnbench.report.formats.json import to_json
-from vsnbench.report.formats.latex import document, label, latex
-from vsnbench.report.formats.markdown import markdown
 from vsnbench.report.measures import TEXTS, Measure, Measures
-from vsnbench.report.table import ReportTable
+
+if TYPE_CHECKING:  # a report on the terminal needs neither the formats nor the figures
+    from vsnbench.report.build import Report
+    from vsnbench.report.figures.style import Drawing
+    from vsnbench.report.table import ReportTable
 
 FILES = Measures(
     Measure("files", TEXTS, "paths of the written files"),
 )
 """The JSON object of the commands that write a report into a directory."""
-Named = TypeVar("Named", ReportTable, Drawing)
+Named = TypeVar("Named", "ReportTable", "Drawing")
 
 
 def write_report(
-    report: Report,
-    drawings: Sequence[Drawing],
+    report: "Report",
+    drawings: "Sequence[Drawing]",
     directory: Path,
     only_tables: Sequence[str] = (),
     column_in: float | None = None,
@@ -47,6 +43,13 @@ def write_report(
         UsageError: a table does not exist.
         RecordError: the directory cannot be written.
     """
+    from vsnbench.files.atomic import write_atomic
+    from vsnbench.report.formats.csv import to_csv
+    from vsnbench.report.formats.html import html_page
+    from vsnbench.report.formats.json import to_json
+    from vsnbench.report.formats.latex import document, label, latex
+    from vsnbench.report.formats.markdown import markdown
+
     tables = named(report.tables(long=True), only_tables, "--table")
     figures = [
         (f"figures/{drawing.name}.pdf", drawing.is_wide, f"{drawing.title}. {drawing.caption}") for drawing in drawings

@@ -237,20 +237,23 @@ def _write_website(
 
 def _print_report(form: Format, report: "Report", column_in: float | None, *, long: bool) -> None:
     """Print a report; JSON and CSV have the paper's models after the measured ones if --reference is given."""
-    from vsnbench.report.analysis.published import published_results
-    from vsnbench.report.formats.csv import to_csv
-    from vsnbench.report.formats.json import to_json
-
+    if form not in (Format.JSON, Format.CSV):
+        print_tables_as(form, report.tables(long=long), column_in)
+        return
     results = report.results
     if report.reference:
+        from vsnbench.report.analysis.published import published_results
+
         results = replace(results, conditions=(*results.conditions, *published_results().conditions))
     if form is Format.JSON:
+        from vsnbench.report.formats.json import to_json
+
         read = (report.questions, report.activity, report.record, report.operator_activity, report.raters)
         typer.echo(to_json(results, *read), nl=False)
-    elif form is Format.CSV:
-        typer.echo(to_csv(results), nl=False)
     else:
-        print_tables_as(form, report.tables(long=long), column_in)
+        from vsnbench.report.formats.csv import to_csv
+
+        typer.echo(to_csv(results), nl=False)
 
 
 def _print_reference(form: Format) -> None:
@@ -269,14 +272,18 @@ def _print_reference(form: Format) -> None:
 
 def print_tables_as(form: str, tables: "Sequence[ReportTable]", column_in: float | None = None) -> None:
     """Print tables as `table`, `markdown` or `latex`, which is set for columns of this width, inches."""
-    from vsnbench.report.formats.latex import latex
-    from vsnbench.report.formats.markdown import markdown
-    from vsnbench.report.table import print_tables
-
     if form == "table":
+        from vsnbench.report.table import print_tables
+
         print_tables(tables, page())
+    elif form == "markdown":
+        from vsnbench.report.formats.markdown import markdown
+
+        typer.echo(markdown(tables), nl=False)
     else:
-        typer.echo(markdown(tables) if form == "markdown" else latex(tables, column_in), nl=False)
+        from vsnbench.report.formats.latex import latex
+
+        typer.echo(latex(tables, column_in), nl=False)
 
 
 def _write(

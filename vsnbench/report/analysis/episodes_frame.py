@@ -274,7 +274,9 @@ def _typed(quantity: Field, values: Sequence[Any], codes: _Codes) -> NDArray[Any
     """Convert the driver's values of a quantity at once, for speed."""
     if quantity.heading in _CODED:
         known = codes.setdefault(quantity.heading, {})
-        return np.array([known.setdefault(text, len(known)) for text in values], np.int64)
+        for text in dict.fromkeys(values):
+            known.setdefault(text, len(known))
+        return np.fromiter(map(known.__getitem__, values), np.int64, len(values))
     if quantity.base is float:
         numbers = np.array(values, np.float64)
         return np.where(np.isfinite(numbers), numbers, np.nan)  # other writers may store infinities

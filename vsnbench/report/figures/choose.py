@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.published import published_results
 from vsnbench.report.analysis.summary import ConditionSummary
-from vsnbench.report.analysis.trajectories import Track, read_tracks
+from vsnbench.report.analysis.trajectories import read_tracks
 from vsnbench.report.build import Report, build
 from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.cells import success_by_cell
@@ -39,6 +38,8 @@ WORKER_TRAJECTORIES = 2
 _ALLOCATIONS = 20_000
 """Allocations between garbage collections; each collection traverses all figures."""
 
+_Plan = Callable[[], Drawing | None]
+"""Draws the trajectories of a condition; it has the data, so that another process can call it. None without tracks."""
 _ORDER = (
     "differences",
     "success-by-goal",
@@ -57,7 +58,7 @@ _ORDER = (
 def drawings(report: Report, url: str) -> list[Drawing]:
     """Draw the figures of a report in reading order."""
     drawn = [*_charts(report), *_histograms(report)]
-    return _in_order([*drawn, *(drawing for plan in _plans(report, url) if (drawing := plan.drawing()))])
+    return _in_order([*drawn, *(drawing for plan in _plans(report, url) if (drawing := plan()))])
 
 
 def _in_order(drawn: Iterable[Drawing]) -> list[Drawing]:
@@ -102,14 +103,20 @@ def build_and_draw(
             if can_fork:  # otherwise the worker is a thread, and matplotlib is not thread-safe
                 places = range(len(plans))
                 in_worker = (*places[:WORKER_TRAJECTORIES], *places[WORKER_TRAJECTORIES + 1 :: 2])
-                waiting.update({place: worker.submit(plans[place].finished, save) for place in in_worker})
+                waiting.update({place: worker.submit(_finished, plans[place], save) for place in in_worker})
             drawn.extend(save(chart) for chart in _charts(uncounted))
 
         report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, executor=worker)
         drawn += [save(histogram) for histogram in _histograms(report)]
-        here = {place: plan.finished(save) for place, plan in enumerate(plans) if place not in waiting}
+        here = {place: _finished(plan, save) for place, plan in enumerate(plans) if place not in waiting}
         trajectories = [waiting[place].result() if place in waiting else here[place] for place in range(len(plans))]
     return report, _in_order([*drawn, *(drawing for drawing in trajectories if drawing)])
+
+
+def _finished(plan: _Plan, save: Callable[[Drawing], Drawing]) -> Drawing | None:
+    """Draw and save a figure; None without tracks."""
+    drawing = plan()
+    return save(drawing) if drawing else None
 
 
 def _saved(drawing: Drawing, only: Sequence[str], formats: Sequence[str]) -> Drawing:
@@ -169,27 +176,8 @@ def _histograms(report: Report) -> Iterator[Drawing]:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Plan:
-    """Data of the trajectory figure of one condition."""
-
-    site: Site
-    summary: ConditionSummary
-    tracks: tuple[Track, ...]
-    left_out: str
-    """Text about conditions that are not drawn; empty for none."""
-
-    def drawing(self) -> Drawing | None:
-        """Draw the figure; None without tracks."""
-        return trajectory_plan(self.site, self.summary, self.tracks, self.left_out)
-
-    def finished(self, save: Callable[[Drawing], Drawing]) -> Drawing | None:
-        """Draw and save the figure; None without tracks."""
-        drawing = self.drawing()
-        return save(drawing) if drawing else None
-
-
 def _plans(report: Report, url: str) -> Iterator[_Plan]:
+    """Yield the trajectory figure of each condition with the data that it needs, to be drawn by a call."""
     placed = _placed(report)
     left_out = ""
     if others := [summary.condition.name for _, summary in placed[MAX_TRAJECTORIES:]]:
@@ -199,7 +187,8 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
         )
     with open_record(url) as engine:
         for site, summary in placed[:MAX_TRAJECTORIES]:
-            yield _Plan(site, summary, read_tracks(engine, report.record, summary.condition), left_out)
+            tracks = read_tracks(engine, report.record, summary.condition)
+            yield partial(trajectory_plan, site, summary, tracks, left_out)
 
 
 def _placed(report: Report) -> list[tuple[Site, ConditionSummary]]:

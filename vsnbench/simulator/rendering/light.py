@@ -147,8 +147,9 @@ def _baked(
     values, reflected = lit[copies], indirect[copies]
     values[:, 3] = values[:, 3] != 0
     even = np.isin(category, ("wall", "ceiling"))[mesh.owner] & (size.min(1) > 2)
-    light_bounces.smooth(start[even], size[even], values[:, 3] != 0, reflected)
-    values[:, :3] = (values[:, :3] + reflected + np.array(_AMBIENT)) * factor
+    smoothed = reflected.copy()
+    light_bounces.smooth(start[even], size[even], values[:, 3] != 0, reflected, smoothed)
+    values[:, :3] = (values[:, :3] + smoothed + np.array(_AMBIENT)) * factor
     fill_buried(start, size, values)
     return values
 

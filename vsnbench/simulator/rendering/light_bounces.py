@@ -63,7 +63,8 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
     for number in range(len(points)):
         lift = lit[first + number, 3]
         if lift == 0.0:
-            sources[number, :] = len(lit) + owners[number]
+            for k in range(len(directions)):
+                sources[number, k] = count + owners[number]
             continue
         normal = normals[number]
         px = points[number, 0] + lift * normal[0]
@@ -85,7 +86,7 @@ def find_sources(  # noqa: PLR0913 - compiled functions take arrays, not objects
                 limit = min(limit, max(pz, 1e-3) / -rz)
             elif rz > 1e-6:
                 limit = min(limit, max(ceiling - pz, 1e-3) / rz)
-            at, thing = cast(px, py, pz, rx, ry, rz, limit, False, owners[number], 0, world, stamps)
+            at, thing = cast(px, py, pz, rx, ry, rz, limit, 0.0, owners[number], np.int64(0), world, stamps)
             if thing < 0:
                 if at >= 50.0:
                     sources[number, k] = -1
@@ -172,14 +173,13 @@ def reflected(
 
 
 @compiled
-def smooth(start: Any, size: Any, shown: Any, values: Any) -> None:
-    """Replace the light (N, 3) of each cell of the given faces by the mean of its neighbours that are `shown` (N,).
+def smooth(start: Any, size: Any, shown: Any, light: Any, smoothed: Any) -> None:
+    """Write the mean light (N, 3) of its neighbours that are `shown` (N,) to each cell of the given faces.
 
     It hides the pattern of the directions on wide, even surfaces.
     """
     for face in range(len(start)):
         wide, high, at = size[face, 0], size[face, 1], start[face]
-        copy = values[at : at + wide * high].copy()
         for t in range(high):
             for s in range(wide):
                 for channel in range(3):
@@ -187,7 +187,7 @@ def smooth(start: Any, size: Any, shown: Any, values: Any) -> None:
                     for j in range(max(t - 2, 0), min(t + 3, high)):
                         for i in range(max(s - 2, 0), min(s + 3, wide)):
                             if shown[at + j * wide + i]:
-                                total += copy[j * wide + i, channel]
+                                total += light[at + j * wide + i, channel]
                                 weight += 1.0
                     if weight > 0.0:
-                        values[at + t * wide + s, channel] = total / weight
+                        smoothed[at + t * wide + s, channel] = total / weight

@@ -67,15 +67,17 @@ def cast(  # noqa: PLR0913 - compiled functions take arrays, not objects
     ry: Any,
     rz: Any,
     limit: Any,
-    any_hit: Any,
+    enough: Any,
     skip: Any,
     skip_instance: Any,
     world: Any,
     stamps: Any,
 ) -> Any:
-    """Return (distance, primitive) of the first occluder on a ray, or of any occluder; (limit, -1) for a free ray.
+    """Return (distance, primitive) of the first occluder on a ray, or of any nearer than `enough`; (limit, -1) if free.
 
-    `stamps` has the number of the last ray tested against each primitive; its last item is the number of this ray.
+    `enough` is 0 for the first, and `limit` for any. `stamps` has the number of the last ray tested against each
+    primitive; its last item is the number of this ray. Callers pass no literal integers or truths: this function would
+    be compiled again for each type of literal.
     """
     grid_x, grid_y, cell, cell_start, cell_items, centres, rotations, half_sizes, shapes, radii, instances = world
     rows, columns = cell_start.shape[0], cell_start.shape[1] - 1
@@ -121,7 +123,7 @@ def cast(  # noqa: PLR0913 - compiled functions take arrays, not objects
             )
             if at < best:
                 best, found = at, thing
-                if any_hit or at == 0.0:
+                if at <= enough:
                     return best, found
         if next_x < next_y:
             entered = next_x
@@ -137,7 +139,7 @@ def cast(  # noqa: PLR0913 - compiled functions take arrays, not objects
 @compiled
 def _any_hit(start: Any, ray: Any, limit: Any, skip: Any, skip_instance: Any, world: Any, stamps: Any) -> Any:
     """Return (distance, primitive) of any occluder on a ray; (limit, -1) for a free ray."""
-    return cast(start[0], start[1], start[2], ray[0], ray[1], ray[2], limit, True, skip, skip_instance, world, stamps)
+    return cast(start[0], start[1], start[2], ray[0], ray[1], ray[2], limit, limit, skip, skip_instance, world, stamps)
 
 
 @compiled
@@ -165,12 +167,13 @@ def direct_light(  # noqa: PLR0913 - compiled functions take arrays, not objects
     for number in range(len(points)):
         normal = normals[number]
         owner = owners[number]
-        values[number, :] = 0.0
+        for k in range(4):  # one by one: an assignment of slices takes a second to compile
+            values[number, k] = 0.0
         at = 0.0
         for lift in (_SKIN_M, 0.03):  # a thin covering may be on the point
             for k in range(3):
                 start[k] = points[number, k] + lift * normal[k]
-            at, _ = _any_hit(start, normal, 1e-3, owner, 0, world, stamps)
+            at, _ = _any_hit(start, normal, 1e-3, owner, np.int64(0), world, stamps)
             if at != 0.0:
                 values[number, 3] = lift
                 break
@@ -212,7 +215,7 @@ def _add_window(  # noqa: PLR0913 - compiled functions take arrays, not objects
         length = np.sqrt(length)
         for k in range(3):
             ray[k] /= length
-        _, thing = _any_hit(start, ray, length - 1e-3, owner, 0, world, stamps)
+        _, thing = _any_hit(start, ray, length - 1e-3, owner, np.int64(0), world, stamps)
         if thing < 0:
             total += form
     value[0] += 3.1 * total
@@ -243,7 +246,7 @@ def _add_lamp(  # noqa: PLR0913 - compiled functions take arrays, not objects
         length = np.sqrt(length)
         for k in range(3):
             ray[k] /= length
-        _, thing = _any_hit(start, ray, length - 1e-3, owner, int(lamp[6]), world, stamps)
+        _, thing = _any_hit(start, ray, length - 1e-3, owner, np.int64(lamp[6]), world, stamps)
         if thing < 0:
             total += form / len(parts)
     for k in range(3):
@@ -273,7 +276,7 @@ def _add_sun(  # noqa: PLR0913 - compiled functions take arrays, not objects
         x, y = start[0] + limit * ray[0], start[1] + limit * ray[1]
         if grid_x + cell <= x <= grid_x + wide - cell and grid_y + cell <= y <= grid_y + deep - cell:
             continue
-        _, thing = _any_hit(start, ray, limit, owner, 0, world, stamps)
+        _, thing = _any_hit(start, ray, limit, owner, np.int64(0), world, stamps)
         if thing < 0:
             for k in range(3):
                 value[k] += 0.25 * sun[3 + k] * facing
