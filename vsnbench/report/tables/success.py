@@ -113,6 +113,17 @@ SUMMARY = Measures(
     Measure("", RATIO, _K_OF_N, lambda group: (group.successes, group.episodes), heading="k/n"),
     Measure("success_rate", percents(), "success rate (paper, Section 4.1)", heading="SR %"),
     Measure("ci", intervals(), _OF_RATE, "interval", heading="95 % interval", note=_WILSON),
+    Measure(
+        "oracle_success_rate",
+        percents(),
+        "oracle success: share of the examined episodes in which STOP would have succeeded at any pose",
+        _mean_of("oracle_success"),
+        heading="oracle SR %",
+        rank=1,
+    ),
+    Measure(
+        "oracle_episodes", COUNT, "number of examined episodes, in `oracle_success_rate`", _number_of("oracle_success")
+    ),
     Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
     Measure(
         *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
@@ -178,10 +189,6 @@ SUMMARY = Measures(
     Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
-_WITHOUT_ACTIONS = SUMMARY.in_columns(
-    *(measure.heading for measure in SUMMARY.shown if not measure.key.startswith("mean_actions"))
-)
-"""The same for a stack that drives itself, which has no actions."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"
 GROUP = Measures.shared(
     "summary",
@@ -259,7 +266,11 @@ def start_table(summary: ConditionSummary) -> ReportTable:
 
 
 def _measures_of(summary: ConditionSummary) -> Measures:
-    return _WITHOUT_ACTIONS if summary.condition.execution == STACK else SUMMARY
+    """Return the columns: a stack has no actions, and oracle success is known once courses have been measured."""
+    absent = ("mean_actions",) if summary.condition.execution == STACK else ()
+    if not SUMMARY.named("oracle_episodes").value(summary.total):
+        absent += ("oracle_success",)
+    return SUMMARY.in_columns(*(measure.heading for measure in SUMMARY.shown if not measure.key.startswith(absent)))
 
 
 def _caveats(total: Group) -> list[str]:
@@ -288,6 +299,8 @@ def _caveats(total: Group) -> list[str]:
         notes.append(f"SCT is unknown: no successful episode has a recorded time (n = {total.successes}).")
     if 0 < found["sct_episodes"] < total.episodes:
         notes.append(f"SCT is over {counted(found['sct_episodes'], 'episode')} with known time.")
+    if 0 < found["oracle_episodes"] < total.episodes:
+        notes.append(f"Oracle success is over {counted(found['oracle_episodes'], 'episode')} with an examined course.")
     if found["trivial"]:
         began = counted(found["trivial"], "episode is trivial: it began", "episodes are trivial: they began")
         notes.append(f"{began} within {TRIVIAL_M:g} m (one move) of success.")
