@@ -8,7 +8,7 @@ from tests.robots.oracle_ways import OF_TRIALS, PLANNED, check_ten_successes, wr
 from tests.robots.test_ros1_stack import WAYS
 from tests.ros.ros1.network import HERE, live_network, wait_until
 
-pytestmark = [pytest.mark.ros, pytest.mark.long, pytest.mark.timeout(1500)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(1500)]
 
 
 def test_ten_trials_are_announced_driven_and_judged(tmp_path: Path) -> None:

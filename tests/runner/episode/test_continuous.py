@@ -130,12 +130,8 @@ class DrivenByStack(SimulatedRobot):
     """A simulated robot that a stack drives straight ahead, as one over ROS."""
 
     def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
-        if not self.is_driven:
-            self.follow(Velocity(0.3, duration_s=10.0))
-            self.is_driven = True
+        self.follow(Velocity(0.3, duration_s=5.0))
         return super().advance(until_s, watch)
-
-    is_driven = False
 
 
 @pytest.mark.parametrize("guarded", [True, False])
