@@ -97,6 +97,20 @@ def _trivial(group: Group) -> int | None:
     return None if group.counted is None else int((_values(group, "shortest_m") < TRIVIAL_M).sum())
 
 
+def _oracle_rate(group: Group) -> float:
+    """Return the rate of oracle success; NaN if no failure's course is known, because each success is one.
+
+    The share among the failures with a known course stands for all failures, as for those that were not examined.
+    """
+    if (episodes := group.counted) is None:
+        return math.nan
+    failed = episodes.oracle_success[~episodes.success]
+    known, failures = failed[~np.isnan(failed)], len(failed)
+    if not len(_values(group, "oracle_success")) or (failures and not len(known)):
+        return math.nan
+    return (group.successes + (failures * ordered_mean(known) if failures else 0.0)) / group.episodes
+
+
 _LIMITS = {EndReason.STEP_LIMIT: "actions", EndReason.TIME_LIMIT: "time", EndReason.PATH_LIMIT: "the path"}
 _OF_RATE = "the 95 % interval of the success rate"
 _WILSON = "Wilson's interval of the success rate at the effective sample size, percent; clustered by starting position"
@@ -116,14 +130,12 @@ SUMMARY = Measures(
     Measure(
         "oracle_success_rate",
         percents(),
-        "oracle success: share of the examined episodes in which STOP would have succeeded at any pose",
-        _mean_of("oracle_success"),
+        "oracle success: share of the episodes in which STOP would have succeeded at any pose",
+        _oracle_rate,
         heading="oracle SR %",
         rank=1,
     ),
-    Measure(
-        "oracle_episodes", COUNT, "number of examined episodes, in `oracle_success_rate`", _number_of("oracle_success")
-    ),
+    Measure("oracle_episodes", COUNT, "number of episodes whose oracle success is known", _number_of("oracle_success")),
     Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
     Measure(
         *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
@@ -267,10 +279,11 @@ def start_table(summary: ConditionSummary) -> ReportTable:
 
 def _measures_of(summary: ConditionSummary) -> Measures:
     """Return the columns: a stack has no actions, and oracle success is known once courses have been measured."""
-    absent = ("mean_actions",) if summary.condition.execution == STACK else ()
-    if not SUMMARY.named("oracle_episodes").value(summary.total):
-        absent += ("oracle_success",)
-    return SUMMARY.in_columns(*(measure.heading for measure in SUMMARY.shown if not measure.key.startswith(absent)))
+    absent = ["mean_actions"] if summary.condition.execution == STACK else []
+    if math.isnan(_oracle_rate(summary.total)):
+        absent.append("oracle_success")
+    shown = (measure.heading for measure in SUMMARY.shown if not measure.key.startswith(tuple(absent)))
+    return SUMMARY.in_columns(*shown)
 
 
 def _caveats(total: Group) -> list[str]:
@@ -299,8 +312,8 @@ def _caveats(total: Group) -> list[str]:
         notes.append(f"SCT is unknown: no successful episode has a recorded time (n = {total.successes}).")
     if 0 < found["sct_episodes"] < total.episodes:
         notes.append(f"SCT is over {counted(found['sct_episodes'], 'episode')} with known time.")
-    if 0 < found["oracle_episodes"] < total.episodes:
-        notes.append(f"Oracle success is over {counted(found['oracle_episodes'], 'episode')} with an examined course.")
+    if found["oracle_success_rate"] is not None and found["oracle_episodes"] < total.episodes:
+        notes.append(f"Oracle success is known for {counted(found['oracle_episodes'], 'episode')}.")
     if found["trivial"]:
         began = counted(found["trivial"], "episode is trivial: it began", "episodes are trivial: they began")
         notes.append(f"{began} within {TRIVIAL_M:g} m (one move) of success.")
