@@ -102,9 +102,8 @@ class Codes:
 class EpisodeColumns:
     """Some episodes of a record: an attribute is a column of `COLUMNS`, as an array with one entry per episode.
 
-    `oracle_success` is one more: 1 or 0, NaN where the course is not examined. Texts are `Codes`; times and
-    directories are as the database gives them. A column is read when it is asked for, so that many groups of the same
-    episodes take little memory.
+    Texts are `Codes`; times and directories are as the database gives them. A column is read when it is asked for, so
+    that many groups of the same episodes take little memory.
     """
 
     __slots__ = ("_columns", "_frame", "_rows")
@@ -135,11 +134,9 @@ class EpisodeColumns:
     def __getitem__(self, rows: Rows) -> Self:
         return type(self)(self._columns, self._rows[rows])
 
-    def having(self, name: str, values: Floats) -> Self:
-        """Return these episodes with the values of another column, one per episode."""
-        own = np.full(len(self._columns[name]), np.nan)
-        own[self._rows] = values
-        return type(self)({**self._columns, name: own}, self._rows)
+    def having(self, **columns: Floats) -> Self:
+        """Return these episodes, which are all of a record, with more columns."""
+        return type(self)({**self._columns, **columns}, self._rows)
 
     def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
         """Yield each number and its episodes, in the order of the rows.
@@ -311,10 +308,7 @@ def _whole(
     columns["condition"] = np.array([condition_of[number] for number in own.tolist()], np.int64)[places]
     if stacks := [condition.number for condition in conditions if condition.execution == STACK]:
         columns["actions"] = np.where(np.isin(columns["condition"], stacks), np.nan, columns["actions"])
-    columns["progress"] = progress_of(columns)
-    columns["spl"] = spl_of(columns)
-    columns["soft_spl"] = soft_spl_of(columns)
-    columns["oracle_success"] = np.full(len(numbers), np.nan)
+    columns.update(progress=progress_of(columns), spl=spl_of(columns), soft_spl=soft_spl_of(columns))
     add_times(columns, conditions)
     return EpisodeColumns(columns, np.arange(len(numbers)))
 

@@ -158,11 +158,11 @@ class ReportResults:
 def summarise(record: ReportData) -> ReportResults:
     """Compute the statistics of all conditions, with oracle success where the courses are measured."""
     everything = record.columns
+    reached = np.full(len(everything), np.nan)
     if record.courses is not None:
-        reached = np.full(len(everything), np.nan)
         rows = np.searchsorted(everything.episode, record.courses["episode"])  # both are in the order of the record
         reached[rows] = record.courses["oracle_success"].astype(float)
-        everything = everything.having("oracle_success", reached)
+    everything = everything.having(oracle_success=reached)
     episodes, none = dict(everything.by(everything.condition)), everything[:0]
     planned: dict[int, dict[tuple[str, int], int]] = {condition.number: {} for condition in record.conditions}
     for (number, goal, start), trials in record.planned.items():
