@@ -209,10 +209,10 @@ def build(
         counting = counter.submit(_actions, url, selection)
         with open_record(url) as engine:
             record = _read(engine, selection, results_directory)
+            results = summarise(record)
             examined: Examined = {}
             measured, courses = measure_courses(engine, record, examined=examined)
             record = replace(record, courses=measured)
-            results = summarise(record)
             report = Report(
                 record,
                 results,

@@ -15,7 +15,6 @@ from vsnbench.report.analysis.courses import measure_courses, measures_of
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.compare import compare
-from vsnbench.report.tables.success import SUMMARY, goal_table
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
 from vsnbench.sites.site import load_site
@@ -150,37 +149,3 @@ def test_oracle_success_is_that_stop_would_have_succeeded_on_the_way(
     assert found["oracle_success"].tolist() == [expected, True]
     assert summary["mean_oracle_success"] == (1 + expected) / 2
     assert measures_of(lab.engine(), episode_record(lab.engine(), 1)).oracle_success is expected
-
-
-@pytest.mark.parametrize(
-    ("outcomes", "rate", "known"),
-    [
-        ("reached", 1.0, 1),
-        ("success, reached, passed", 2 / 3, 3),
-        ("success, success, passed, unknown", 2 / 4, 3),  # an unknown failure counts like a known one
-        ("success, success, reached, unknown", 4 / 4, 3),
-        ("success, unknown", math.nan, 1),  # not 100 %: that of the successes alone says nothing
-    ],
-)
-def test_oracle_success_is_a_column_of_success_by_goal(lab: Lab, outcomes: str, rate: float, known: int) -> None:
-    reaching = success_region(load_site("apartment"), "bed", ProtocolParameters()).representative_point()
-    courses = {
-        "success": [],
-        "unknown": [],
-        "reached": walk(LIVING, Pose(reaching.x, reaching.y), LIVING),
-        "passed": walk(LIVING, LIVING),
-    }
-    written = [
-        replace(attempt(start, success=outcome == "success"), steps=courses[outcome])
-        for start, outcome in enumerate(outcomes.split(", "), start=1)
-    ]
-    lab.write(written)
-    record = read(lab.url, Selection())
-    measured, _ = measure_courses(lab.engine(), record)
-    (summary,) = summarise(replace(record, courses=measured)).conditions
-    fields = SUMMARY.fields(summary.total)
-    assert fields["oracle_success_rate"] == (None if math.isnan(rate) else pytest.approx(rate))
-    assert fields["oracle_episodes"] == known
-    assert ("oracle SR %" in [column.heading for column in goal_table(summary).columns]) is not math.isnan(rate)
-    (without,) = summarise(record).conditions
-    assert "oracle SR %" not in [column.heading for column in goal_table(without).columns]

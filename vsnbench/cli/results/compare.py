@@ -93,8 +93,6 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     summaries = [find_condition(name, summarised, published) for name in models]
     if place is not None:
         record = _with_courses(record, summaries, place)
-        summarised = summarise(record)
-        summaries = [find_condition(name, summarised, published) for name in models]
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
     form = CompareFormat.JSON if as_json else form
     _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)

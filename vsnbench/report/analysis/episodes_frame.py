@@ -134,10 +134,6 @@ class EpisodeColumns:
     def __getitem__(self, rows: Rows) -> Self:
         return type(self)(self._columns, self._rows[rows])
 
-    def having(self, **columns: Floats) -> Self:
-        """Return these episodes, which are all of a record, with more columns."""
-        return type(self)({**self._columns, **columns}, self._rows)
-
     def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
         """Yield each number and its episodes, in the order of the rows.
 
@@ -308,7 +304,9 @@ def _whole(
     columns["condition"] = np.array([condition_of[number] for number in own.tolist()], np.int64)[places]
     if stacks := [condition.number for condition in conditions if condition.execution == STACK]:
         columns["actions"] = np.where(np.isin(columns["condition"], stacks), np.nan, columns["actions"])
-    columns.update(progress=progress_of(columns), spl=spl_of(columns), soft_spl=soft_spl_of(columns))
+    columns["progress"] = progress_of(columns)
+    columns["spl"] = spl_of(columns)
+    columns["soft_spl"] = soft_spl_of(columns)
     add_times(columns, conditions)
     return EpisodeColumns(columns, np.arange(len(numbers)))
 

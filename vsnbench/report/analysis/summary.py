@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from vsnbench.report.analysis.cell_counts import CellCounts
 from vsnbench.report.analysis.comparability import shared_goals, shortcoming
 from vsnbench.report.analysis.conditions import Condition
@@ -156,13 +154,8 @@ class ReportResults:
 
 
 def summarise(record: ReportData) -> ReportResults:
-    """Compute the statistics of all conditions, with oracle success where the courses are measured."""
+    """Compute the statistics of all conditions."""
     everything = record.columns
-    reached = np.full(len(everything), np.nan)
-    if record.courses is not None:
-        rows = np.searchsorted(everything.episode, record.courses["episode"])  # both are in the order of the record
-        reached[rows] = record.courses["oracle_success"].astype(float)
-    everything = everything.having(oracle_success=reached)
     episodes, none = dict(everything.by(everything.condition)), everything[:0]
     planned: dict[int, dict[tuple[str, int], int]] = {condition.number: {} for condition in record.conditions}
     for (number, goal, start), trials in record.planned.items():

@@ -97,20 +97,6 @@ def _trivial(group: Group) -> int | None:
     return None if group.counted is None else int((_values(group, "shortest_m") < TRIVIAL_M).sum())
 
 
-def _oracle_rate(group: Group) -> float:
-    """Return the rate of oracle success; NaN if no failure's course is known, because each success is one.
-
-    The share among the failures with a known course stands for all failures, as for those that were not examined.
-    """
-    if (episodes := group.counted) is None:
-        return math.nan
-    failed = episodes.oracle_success[~episodes.success]
-    known, failures = failed[~np.isnan(failed)], len(failed)
-    if not len(_values(group, "oracle_success")) or (failures and not len(known)):
-        return math.nan
-    return (group.successes + (failures * ordered_mean(known) if failures else 0.0)) / group.episodes
-
-
 _LIMITS = {EndReason.STEP_LIMIT: "actions", EndReason.TIME_LIMIT: "time", EndReason.PATH_LIMIT: "the path"}
 _OF_RATE = "the 95 % interval of the success rate"
 _WILSON = "Wilson's interval of the success rate at the effective sample size, percent; clustered by starting position"
@@ -127,15 +113,6 @@ SUMMARY = Measures(
     Measure("", RATIO, _K_OF_N, lambda group: (group.successes, group.episodes), heading="k/n"),
     Measure("success_rate", percents(), "success rate (paper, Section 4.1)", heading="SR %"),
     Measure("ci", intervals(), _OF_RATE, "interval", heading="95 % interval", note=_WILSON),
-    Measure(
-        "oracle_success_rate",
-        percents(),
-        "oracle success: share of the episodes in which STOP would have succeeded at any pose",
-        _oracle_rate,
-        heading="oracle SR %",
-        rank=1,
-    ),
-    Measure("oracle_episodes", COUNT, "number of episodes whose oracle success is known", _number_of("oracle_success")),
     Measure("mean_actions", decimals(1), _MEAN_ACTIONS, _mean_actions, heading="actions"),
     Measure(
         *("mean_actions_successful", decimals(1), "mean number of actions over the successful episodes"),
@@ -201,6 +178,10 @@ SUMMARY = Measures(
     Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
+_WITHOUT_ACTIONS = SUMMARY.in_columns(
+    *(measure.heading for measure in SUMMARY.shown if not measure.key.startswith("mean_actions"))
+)
+"""The same for a stack that drives itself, which has no actions."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"
 GROUP = Measures.shared(
     "summary",
@@ -278,12 +259,7 @@ def start_table(summary: ConditionSummary) -> ReportTable:
 
 
 def _measures_of(summary: ConditionSummary) -> Measures:
-    """Return the columns: a stack has no actions, and oracle success is known once courses have been measured."""
-    absent = ["mean_actions"] if summary.condition.execution == STACK else []
-    if math.isnan(_oracle_rate(summary.total)):
-        absent.append("oracle_success")
-    shown = (measure.heading for measure in SUMMARY.shown if not measure.key.startswith(tuple(absent)))
-    return SUMMARY.in_columns(*shown)
+    return _WITHOUT_ACTIONS if summary.condition.execution == STACK else SUMMARY
 
 
 def _caveats(total: Group) -> list[str]:
@@ -312,8 +288,6 @@ def _caveats(total: Group) -> list[str]:
         notes.append(f"SCT is unknown: no successful episode has a recorded time (n = {total.successes}).")
     if 0 < found["sct_episodes"] < total.episodes:
         notes.append(f"SCT is over {counted(found['sct_episodes'], 'episode')} with known time.")
-    if found["oracle_success_rate"] is not None and found["oracle_episodes"] < total.episodes:
-        notes.append(f"Oracle success is known for {counted(found['oracle_episodes'], 'episode')}.")
     if found["trivial"]:
         began = counted(found["trivial"], "episode is trivial: it began", "episodes are trivial: they began")
         notes.append(f"{began} within {TRIVIAL_M:g} m (one move) of success.")
