@@ -640,6 +640,7 @@ LONG = {
         "ros/ros1/test_exchange.py, models/stack/test_topics.py, ros/ros2/test_stack.py",
         "test_two_goals_are_announced_driven_and_judged",
     ),
+    "robots/test_ros1_stack_trials.py": "ros/ros1/test_exchange.py, models/stack, ros/ros2/test_stack.py",
     **_of(
         "robots/test_ros1_camera_faults.py",
         "robots/checkup/test_images.py, robots/checkup/test_checks.py, robots/ros/test_image_timing.py",

@@ -56,6 +56,7 @@ def test_two_goals_are_announced_driven_and_judged(network: RosNetwork, tmp_path
     done = run(network, tmp_path, "--goal", "sofa", "--goal", "chair")
     stack.end()
     assert done.popen.returncode == 0, done.output
+    assert "can also steer" not in done.output, "its commands are expected"
     assert rows(tmp_path, "select success, end_reason from verdict order by id") == [(1, "stop"), (0, "stop")]
     driven_m = [path_m for (path_m,) in rows(tmp_path, "select path_length_m from episode order by id")]
     assert driven_m == pytest.approx([0.9, 0.6], abs=0.1)

@@ -156,8 +156,8 @@ class ProtocolParameters(BaseModel):
             )
         return self.model_validate({**content, "execution": merged})
 
-    def driven_by_stack(self) -> Self:
-        """Return these parameters for a stack, which drives the robot itself, without the depth guard.
+    def driven_by_stack(self, *, guarded: bool = False) -> Self:
+        """Return these parameters for a stack, which drives the robot itself: without the depth guard by default.
 
         The rates of images are those of `execution`, or defaults where it states none.
         """
@@ -165,7 +165,7 @@ class ProtocolParameters(BaseModel):
         rates = {"max_rate_hz": stated.max_rate_hz, "frames_hz": stated.frames_hz or STACK_FRAMES_HZ}
         execution = {"driver": STACK, **rates}
         content = {name: value for name, value in self.model_dump().items() if name != "version"}
-        guard = {**self.depth_guard.model_dump(), "enabled": False}
+        guard = {**self.depth_guard.model_dump(), "enabled": guarded}
         return self.model_validate({**content, "execution": execution, "depth_guard": guard})
 
     @property

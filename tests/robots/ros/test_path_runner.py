@@ -313,6 +313,28 @@ def test_a_silent_camera_stops_the_robot_and_then_ends_the_motion(rig: Rig) -> N
     rig.run(script)
 
 
+@pytest.mark.parametrize("is_guarded", [True, False])
+def test_the_guard_holds_a_base_that_a_stack_drives_towards_a_wall(rig: Rig, is_guarded: bool) -> None:
+    rig.link.others_drive, rig.wall_m = True, 2.0
+    looks = rig.looks if is_guarded else None
+
+    def script(rig: Rig) -> Iterator[float]:
+        rig.observe()
+        rig.runner.advance(NOW, looks)
+        for _ in range(140):  # 7 s: it would be at the wall
+            if not rig.link.holding:  # every command of the stack is answered with zero velocity
+                rig.link.stand.hear(Command(0.3, 0.0))
+            yield 0.05
+        left_m = rig.wall_m - rig.pose.x_m - PROFILE.base.radius_m
+        assert rig.link.holding is is_guarded
+        assert (0.1 < left_m < 0.5) is is_guarded
+        result = rig.runner.advance(rig.now_s + 1.0 if is_guarded else NOW, looks)
+        assert ("obstacle" in result.blocked) is is_guarded, "and the motion has ended"
+        assert not result.failure
+
+    rig.run(script)
+
+
 @pytest.mark.parametrize(("fault", "says", "within_s"), [("silent", "no odometry", 1.0), ("jump", "jumped", 0.1)])
 def test_lost_odometry_ends_the_motion_at_rest(rig: Rig, fault: str, says: str, within_s: float) -> None:
     def script(rig: Rig) -> Iterator[float]:

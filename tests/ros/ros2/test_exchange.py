@@ -1,5 +1,7 @@
 """Messages and actions between a stack and vsnbench: two nodes of one process on a real graph."""
 
+import threading
+import time
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -27,9 +29,15 @@ def nodes() -> Iterator[SimpleNamespace]:
         patch.setenv("ROS_DOMAIN_ID", str(domain.number))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         ours, theirs = Ros2Node("vsnbench_1", "/robot1"), Ros2Node("their_stack")
-    yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), theirs=theirs)
-    theirs.close()
-    ours.close()
+        others: list[Ros2Node] = []
+
+        def another(name: str) -> Ros2Node:
+            others.append(Ros2Node(name))
+            return others[-1]
+
+        yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), theirs=theirs, another=another)
+    for node in (*others, theirs, ours):
+        node.close()
     domain.close()
 
 
@@ -100,6 +108,47 @@ def test_an_action_succeeds_aborts_is_refused_or_canceled(nodes: SimpleNamespace
     wait_until(lambda: goal.outcome == "canceled", "it is canceled")
     with pytest.raises(ModelLostError, match="no node offers the action /other"):
         nodes.ours.send_goal("/other", kind, {}, 0.3)
+    server.destroy()
+
+
+def test_a_goal_that_is_accepted_too_late_is_canceled(nodes: SimpleNamespace) -> None:
+    from rclpy.action import ActionServer, CancelResponse, GoalResponse
+    from rclpy.callback_groups import ReentrantCallbackGroup
+    from test_msgs.action import Fibonacci
+
+    accepts, cancelled = threading.Event(), threading.Event()
+
+    def accept(_: Any) -> Any:
+        accepts.wait(60)
+        return GoalResponse.ACCEPT
+
+    def cancel(_: Any) -> Any:
+        cancelled.set()
+        return CancelResponse.ACCEPT
+
+    async def execute(handle: Any) -> Any:
+        while not handle.is_cancel_requested:
+            await _pause(server_node.rclpy)
+        handle.canceled()
+        return Fibonacci.Result()
+
+    server_node = nodes.another("late_stack")
+    server = ActionServer(
+        server_node.rclpy,
+        Fibonacci,
+        "/late",
+        execute,
+        goal_callback=accept,
+        cancel_callback=cancel,
+        callback_group=ReentrantCallbackGroup(),
+    )
+    began_s = time.monotonic()
+    with pytest.raises(ModelLostError, match="the action /late does not answer within 2 s"):
+        nodes.ours.send_goal("/late", "test_msgs/action/Fibonacci", {"order": 1}, 2.0)
+    assert time.monotonic() - began_s < 30
+    assert not cancelled.is_set()
+    accepts.set()
+    assert cancelled.wait(60), "nobody would stop the stack"
     server.destroy()
 
 

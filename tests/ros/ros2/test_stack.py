@@ -150,6 +150,38 @@ def test_an_action_that_fails_is_void_and_one_that_never_ends_is_canceled(
 
 
 @pytest.mark.long
+def test_the_guard_stops_a_stack_that_drives_at_an_obstacle(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    """The path goes through the sofa, at which the robot looks from position 8."""
+    server, address = start_stack(paths={"sofa": [[4.0, 0.0]]})
+    _, verdicts = run(graph, tmp_path, f"{ways_of(address)}\ndepth_guard: true")
+    assert [verdict[:2] for verdict in verdicts] == [(None, "model_error")]
+    ((error, path_m),) = rows(tmp_path, "select error, path_length_m from episode order by id desc limit 1")
+    assert "the depth guard stopped the robot that the stack drove: obstacle" in error
+    assert 0.3 < path_m < 3.0
+    assert rows(tmp_path, "select count(*) from step where collision_touched is not null") == [(0,)]
+    ((protocol,),) = rows(tmp_path, "select protocol from campaign")
+    assert json.loads(protocol)["depth_guard"]["enabled"] is True
+    assert "abort" in server.output
+
+
+@pytest.mark.long
+def test_a_robot_without_odometry_is_refused_before_the_first_trial(
+    graph: Graph2, start_stack: StartStack, tmp_path: Path
+) -> None:
+    server, address = start_stack()
+    profile = (graph.directory / "small.yaml").read_text()
+    (tmp_path / "silent.yaml").write_text(profile.replace("odometry: odom\n", "odometry: silent_odom\n"))
+    assert (tmp_path / "silent.yaml").read_text() != profile
+    done, verdicts = run(graph, tmp_path, ways_of(address), "--robot", f"{tmp_path / 'silent.yaml'}@{ROOT[1:]}")
+    assert done.popen.returncode != 0
+    assert "/robot1/silent_odom" in done.output.splitlines()[-1], done.output
+    assert verdicts == []
+    assert "goal" not in server.output
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ways", "says"),
     [

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sqlite3
 import threading
 import time
 import urllib.request
@@ -13,13 +12,13 @@ import pytest
 
 from tests.processes import Process, wait_until
 from tests.robots.driving_on import signed_in
+from tests.robots.oracle_ways import OF_TRIALS, PLANNED, check_ten_successes, write_ways
 from tests.ros.ros2.graph import HERE, Graph2, live_graph
 from vsnbench.robots.profiles import profile_path
 
 pytestmark = [pytest.mark.ros2, pytest.mark.long, pytest.mark.timeout(1500)]
 
 ROOT = "/robot1"
-GOALS, STARTS = ("chair", "bed"), (1, 2, 3, 4, 5)
 ACTION = """
 announce: {action: {name: navigate, type: test_msgs/action/Fibonacci, by_goal: {chair: {order: 0}, bed: {order: 1}}}}
 arrived: {action: true}"""
@@ -40,39 +39,19 @@ def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph2]:
     text = profile_path("turtlebot4").read_text()
     (directory / "small.yaml").write_text(text.replace("width: 640", "width: 160").replace("height: 360", "height: 90"))
     with live_graph(directory, shares_memory=True) as one:
-        words = ("--robot", "simulated", "--model", "oracle", "--goal", ",".join(GOALS), "--starts", "1-5")
-        planned = one.vsnbench("run", *words, "--results", directory / "oracle")
-        planned.wait(200)
-        (directory / "ways.json").write_text(json.dumps(ways_of_oracle(directory / "oracle")))
+        one.vsnbench("run", *PLANNED, "--results", directory / "oracle").wait(200)
+        write_ways(directory / "oracle", directory / "ways.json")
         robot = one.vsnbench("robots", "simulate", f"{directory / 'small.yaml'}@{ROOT[1:]}")
         wait_until(lambda: "simulating" in robot.output, "the robot is simulated", 150)
         yield one
-
-
-def ways_of_oracle(results: Path) -> dict[str, list[list[list[float]]]]:
-    """Return poses of each trial, in the frame of the site, by goal."""
-    with sqlite3.connect(results / "vsnbench.db") as connection:
-        found = connection.execute(
-            "select goal, episode.id, start_x_m, start_y_m, start_heading_rad from episode join trial on "
-            "trial.id = trial_id order by episode.id"
-        ).fetchall()
-        assert len(found) == len(GOALS) * len(STARTS)
-        ways: dict[str, list[list[list[float]]]] = {goal: [] for goal in GOALS}
-        for goal, episode, *start in found:
-            poses = connection.execute(
-                "select world_x_m, world_y_m, world_heading_rad from step where episode_id = ? order by number",
-                (episode,),
-            ).fetchall()
-            ways[goal].append([start, *map(list, poses)])
-    return ways
 
 
 def run(graph: Graph2, directory: Path, ways: str, *words: str | Path) -> Process:
     file = directory / "stack.yaml"
     file.write_text(f'name: theirs\nversion: "1"{ways}\n')
     robot = f"{graph.directory / 'small.yaml'}@{ROOT[1:]}"
-    starts = ("--goal", ",".join(GOALS), "--starts", "1-5", "--results", directory / "results")
-    return graph.vsnbench("run", "--robot", robot, "--model", f"stack:{file}", *starts, *words)
+    trials = (*OF_TRIALS, "--results", directory / "results")
+    return graph.vsnbench("run", "--robot", robot, "--model", f"stack:{file}", *trials, *words)
 
 
 @pytest.mark.parametrize("kind", ["http", "action", "person"])
@@ -90,13 +69,7 @@ def test_ten_trials_are_announced_driven_and_judged(graph: Graph2, tmp_path: Pat
             break
     stack.end()
     assert done.popen.returncode == 0, done.output
-    with sqlite3.connect(tmp_path / "results" / "vsnbench.db") as connection:
-        ends = connection.execute(
-            "select success, end_reason, count(*) from verdict where success is not null group by 1, 2"
-        )
-        assert ends.fetchall() == [(1, "stop", 10)]
-        stops = connection.execute("select raw_action, count(*) from step where action = 'STOP' group by 1")
-        assert stops.fetchall() == [("operator" if kind == "person" else "declared", 10)]
+    check_ten_successes(tmp_path / "results", "operator" if kind == "person" else "declared")
 
 
 def be_the_person(run: Process, address: str) -> None:

@@ -14,6 +14,7 @@ from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.robots.contract import Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
@@ -26,6 +27,7 @@ from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
+from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Movement, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
@@ -122,6 +124,44 @@ def ran(
     plan = EpisodePlan(site, "chair", site.starts[0], 7, parameters)
     run_episode(robot, policy, plan, record, AbsentOperator(), stop or StopRequests())
     return record, robot
+
+
+class DrivenByStack(SimulatedRobot):
+    """A simulated robot that a stack drives straight ahead, as one over ROS."""
+
+    def advance(self, until_s: float, watch: Watch | None = None) -> MotionResult:
+        self.follow(Velocity(0.3, duration_s=5.0))
+        return super().advance(until_s, watch)
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_the_guard_ends_the_trial_of_a_stack_before_an_obstacle(guarded: bool) -> None:
+    parameters = ProtocolParameters().driven_by_stack(guarded=guarded)
+    camera = TURTLEBOT.camera.model_copy(update={"width": 160, "height": 120})
+    robot = DrivenByStack(
+        LANE, TURTLEBOT.model_copy(update={"camera": camera}), parameters, read=frozenset({Sensor.DEPTH, Sensor.RGB})
+    )
+    stack, record = Answers(lambda _number, _seen: Action.NOOP), Record()
+    run_episode(
+        robot,
+        stack,
+        EpisodePlan(LANE, "chair", LANE.starts[0], 7, parameters),
+        record,
+        AbsentOperator(),
+        StopRequests(),
+    )
+    assert record.outcome is not None
+    last = record.steps[-1].result
+    assert last is not None
+    if not guarded:
+        assert record.outcome.verdict.end_reason is EndReason.COLLISION
+        return
+    assert record.outcome.verdict.end_reason is EndReason.MODEL_ERROR
+    assert record.outcome.verdict.success is None
+    assert "the depth guard stopped the robot that the stack drove: obstacle" in record.outcome.error
+    assert last.collision is None
+    assert record.steps[-1].guard is not None
+    assert record.steps[-1].blocked
 
 
 def wave(x_m: float) -> tuple[float, float]:

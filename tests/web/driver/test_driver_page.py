@@ -29,7 +29,7 @@ from vsnbench.web.driver.page import DriverPage
 
 SENT = {
     *("driver", "controls", "practice", "phase", "trial", "goal", "has_photo", "success_distance_m", "picture"),
-    *("actions_left", "time_left_s", "path_left_m", "csrf_token"),
+    *("refused", "actions_left", "time_left_s", "path_left_m", "csrf_token"),
 }
 """Everything that the page is told: nothing of the plan, the pose, the distance, the path or a verdict."""
 
@@ -138,6 +138,19 @@ def test_a_person_drives_a_campaign_and_is_a_reference_in_its_report(tmp_path: P
     export_lerobot(ResultsDirectory.locate(tmp_path / "results", None), tmp_path / "dataset", (), with_depth=False)
     (demonstrations,) = (tmp_path / "dataset" / "meta" / "episodes").rglob("*.parquet")
     assert pq.read_table(demonstrations)["vsnbench/driver"].to_pylist() == ["ada", "ada"]
+
+
+def test_the_driver_is_told_which_actions_the_guard_refused(tmp_path: Path) -> None:
+    driver = Driver([*20 * ["MOVE_FORWARD"], "TURN_LEFT", "STOP", "STOP"])
+    launch(request(tmp_path), OperatorProvider(serve_driver=driver.serve))
+    url = ResultsDirectory.locate(tmp_path / "results", None).database_url
+    with open_engine(url, read_only=True).connect() as connection:
+        query = "select coalesce(blocked, 0) from step order by episode_id, number"
+        blocked = [bool(value) for (value,) in connection.exec_driver_sql(query)]
+    told = [state["refused"] for state in driver.states if state["phase"] == "choosing"]
+    assert any(blocked)
+    assert told == [False, *blocked[:-2], False]
+    assert not driver.states[-2]["refused"], "the next trial begins without"
 
 
 def test_practice_trials_are_repeated_until_there_are_enough(tmp_path: Path) -> None:

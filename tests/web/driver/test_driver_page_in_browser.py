@@ -20,6 +20,8 @@ from vsnbench.web.driver.page import DriverPage
 
 pytestmark = pytest.mark.browser
 HEIGHT_PX = 844
+LINE_PX = 17 * 1.4
+"""Of the page's text."""
 ASKED = "#STOP[aria-disabled=false]"
 PRESS_PAD = """pressed => {
   const buttons = Array.from({ length: 16 }, (_, index) => ({ pressed: pressed.includes(index) }));
@@ -104,6 +106,34 @@ def test_keys_drive_and_a_held_key_ends_no_trial(page: Page, address: str, contr
             assert not answer.done()
     controls.end_trial()
     page.get_by_text("The next trial is being prepared.").wait_for()
+
+
+def test_the_page_says_that_the_guard_refused_and_a_held_key_does_not_ask_again(
+    page: Page, address: str, controls: Controls
+) -> None:
+    offer = begin_offered(controls)
+    page.goto(address)
+    page.tap("#begin")
+    offer.join(60)
+    answer = ask(controls)
+    page.wait_for_selector(ASKED)
+    page.keyboard.down("ArrowUp")
+    assert answer.result(60) is Action.MOVE_FORWARD
+    controls.refused = True
+    answer = ask(controls)
+    page.get_by_role("status").get_by_text("The guard refused. Choose again.").wait_for()
+    page.keyboard.down("ArrowUp")  # repeated by the browser
+    assert not answer.done()
+    assert accessibility_findings(page) == []
+    box = page.locator("#status").bounding_box()
+    assert box is not None
+    assert box["height"] < 1.5 * LINE_PX, "one line"
+    page.keyboard.up("ArrowUp")
+    page.keyboard.press("ArrowUp")
+    assert answer.result(60) is Action.MOVE_FORWARD
+    controls.refused = False
+    ask(controls)
+    page.get_by_text("Choose an action.", exact=True).wait_for()
 
 
 def test_touch_drives_on_a_phone_and_a_second_browser_sees_who_drives(

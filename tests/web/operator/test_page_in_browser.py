@@ -147,6 +147,31 @@ def test_state_changes_request_no_additional_live_pictures(page: Page, session: 
     assert len(requested) == 1
 
 
+def test_the_arrival_of_a_stack_is_declared_by_touch_and_by_keyboard(page: Page, session: PageSession) -> None:
+    prompts, state = session.prompts, session.prompts.state
+    with prompts.ask(QuestionKind.PLACE):
+        signed_in(page, session)
+    prompts.driving = True
+    state.driving_begins()
+    state.whereabouts = "start the stack with the goal chair"
+    prompts.notify()
+    page.get_by_text("start the stack with the goal chair").wait_for()
+    assert page.locator("#arrived").is_hidden(), "a model says so itself"
+    state.can_declare = True  # from the first look at a stack that asks for it
+    prompts.notify()
+    page.wait_for_selector("#arrived", state="visible")
+    assert accessibility_findings(page) == []
+    for declare in (lambda: page.click("#arrived"), lambda: page.locator("#arrived").press("Enter")):
+        assert not prompts.take_arrival()
+        declare()
+        wait_until(lambda: prompts.take_arrival() or page.wait_for_timeout(10), "the arrival is declared")
+    assert session.stops == [], "nothing else was pressed"
+    prompts.driving = False
+    state.episode_ended(ended_episode(session))
+    prompts.notify()
+    page.wait_for_selector("#arrived", state="hidden")
+
+
 def test_every_screen_is_accessible_and_works_by_keyboard(page: Page, session: PageSession) -> None:
     page.goto(session.address)
     page.wait_for_selector("#name")

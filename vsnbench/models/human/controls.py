@@ -1,7 +1,8 @@
 """The controls of a robot that a person drives: what the driver is shown, and the actions that the driver chooses.
 
 The main thread offers trials and pictures, and waits for the answers. The driver's page shows them and answers from its
-own thread. The controls hold nothing else, so nothing else can reach the page: no pose, plan, distance or verdict.
+own thread. The runner says whether the guard has refused an action. The controls hold nothing else, so nothing else can
+reach the page: no pose, plan, distance or verdict.
 """
 
 import threading
@@ -65,6 +66,8 @@ class View:
     """Number of the newest picture in this session."""
     budget: Budget = NO_LIMITS
     """What the protocol leaves."""
+    refused: bool = False
+    """Whether the guard has refused the last action, or ended it early."""
 
 
 class Controls:
@@ -81,6 +84,8 @@ class Controls:
         """Time limit for an action, from when its picture was shown; None for no limit."""
         self.practice = False
         """The trials of this session are not recorded."""
+        self.refused = False
+        """Whether the guard has refused the last action; shown with the next picture."""
         self.is_served = False
         """Whether a page serves the controls, without which nobody can drive."""
         self.view = View()
@@ -170,7 +175,7 @@ class Controls:
                 advice=f"vsnbench run --model human:{self.driver} --goal chair",
                 code="no-driver-page",
             )
-        trial = self.view.trial + 1
+        self.refused, trial = False, self.view.trial + 1
         self._renew(View(Phase.READY, trial, goal, photo, success_distance_m, self.view.picture)).get()
 
     def ask(self, picture_jpeg: bytes, budget: Budget) -> Action:
@@ -180,7 +185,9 @@ class Controls:
             ModelLostError: no action was chosen within the time limit, which begins when the picture is shown.
         """
         self.picture_jpeg = picture_jpeg
-        answers = self._renew(replace(self.view, phase=Phase.CHOOSING, picture=self.view.picture + 1, budget=budget))
+        picture = self.view.picture + 1
+        view = replace(self.view, phase=Phase.CHOOSING, picture=picture, budget=budget, refused=self.refused)
+        answers = self._renew(view)
         ends_s: float | None = None
         while True:
             try:

@@ -187,6 +187,7 @@ class Stack(BaseModel):
     arrived: Arrival
     abort: Abort | None = Field(default=None, description="none: a command or an action of `announce` is ended")
     timeout_s: float = Field(default=5.0, gt=0, le=60, description="time for an HTTP answer, or for the abort")
+    depth_guard: bool = Field(default=False, description="stop the robot before an obstacle ahead, and end the trial")
 
     @model_validator(mode="after")
     def _check_ways(self) -> Self:
@@ -208,7 +209,8 @@ class Stack(BaseModel):
     def text(self) -> str:
         """How it is announced, arrives and aborts, in words."""
         abort = self.abort.way if self.abort is not None else "none"
-        return f"announced by {self.announce.way}, arrived by {self.arrived.way}, abort by {abort}"
+        guard = ", with the depth guard" if self.depth_guard else ""
+        return f"announced by {self.announce.way}, arrived by {self.arrived.way}, abort by {abort}{guard}"
 
 
 def load_stack(path: Path) -> Stack:

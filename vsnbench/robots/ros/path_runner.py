@@ -3,7 +3,7 @@
 The thread repeats the newest order (`PathOrder`) to what steers the base, looks at each new depth image, and stops the
 base for what also ends a movement: hazards, lost odometry, other publishers, a server that hangs. When this process
 ends, nothing repeats the order, and the base stops by itself. A stack that drives the robot gets no orders: the
-thread only watches, and holds the base at zero velocity once the episode has ended.
+thread only watches, with the depth guard if it is on, and holds the base at zero velocity once the episode has ended.
 """
 
 import logging
@@ -118,9 +118,14 @@ class PathRunner:
         if self._next is not None and not self._over:
             (movement, origin), self._next = self._next, None
             self._give(movement, origin)
-        while not self._failure and (left_s := until_s - self.now_s) > 0:
+        while not self._ends and (left_s := until_s - self.now_s) > 0:
             time.sleep(min(left_s, _PERIOD_S / 2))
         return self.taken()
+
+    @property
+    def _ends(self) -> bool:
+        """Whether the motion has ended: a model that is blocked may answer with another path, a stack may not."""
+        return bool(self._failure or (self._blocked and self._link.others_drive))
 
     def come_to_rest(self) -> MotionResult:
         """Brake, and return the motion since the last result once the robot is at rest."""
@@ -134,7 +139,7 @@ class PathRunner:
                 time.sleep(_PERIOD_S / 2)
             if not self._over and not self._rests(order):
                 self._movements.force_standstill()
-        if self._over:
+        if self._over and not self._link.others_drive:
             self._movements.force_standstill()
         self._release()
         self._movements.end = present(self._link.snapshot())
@@ -254,6 +259,8 @@ class PathRunner:
         if lost := silent_camera(self._link.names, now, time.monotonic()):
             raise MovementAlarmError(str(lost), sensor_lost=True)
         if order is None:
+            if self._looks is not None and self._link.others_drive:
+                self._looks.look(now, math.inf)
             return
         if state.failure and self._is_taken(order, state):
             raise MovementAlarmError(state.failure, sensor_lost=state.sensor_lost)
@@ -286,12 +293,14 @@ class PathRunner:
         self._send()
 
     def _act_on(self, alarm: MovementAlarmError) -> None:
-        """Stop the base, and keep why; only a blocked way lets another path begin."""
+        """Stop the base, and keep why; only a blocked way lets another path begin, and none of a stack."""
         with self._lock:
             if alarm.blocked:
                 self._blocked = self._blocked or str(alarm)
             else:
-                self._failure, self._sensor_lost, self._over = str(alarm), alarm.sensor_lost, True
+                self._failure, self._sensor_lost = str(alarm), alarm.sensor_lost
+            if self._ends:
+                self._over = True
                 self._link.hold_still()
         self._give(PathEnd.STOP)
 

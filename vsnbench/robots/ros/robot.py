@@ -89,7 +89,8 @@ class RosRobot(Robot):
         self._looks: PathLooks | None = None
         self._simulation: SimulationAccount | None = None
         try:
-            patience = Patience(patience_s)
+            patience, execution = Patience(patience_s), parameters.execution
+            self._link.others_drive = execution is not None and execution.is_by_stack  # a running stack is no fault
             wait_until_ready(self._link, patience)
             if self._link.can_be_placed:
                 self._link.join_simulation()
@@ -99,7 +100,7 @@ class RosRobot(Robot):
             self.needs_operator = self._simulation is None or self.is_rehearsal
             self._camera = RosCamera(self._link, profile)
             self._depth_frames = self._camera.depth_frames
-            self.set_execution(parameters.execution)
+            self.set_execution(execution)
         except BaseException:
             self._link.close()
             raise

@@ -73,8 +73,9 @@ class ContinuousStepper(Stepper):
         """The answer after it, once it has taken effect."""
         self._spent = Spent()
         self._before = start
-        self._path_guard = PathGuard(robot.identity.profile, plan.parameters, self._map)
-        self._watch = None if self._execution.is_by_stack else self._path_guard
+        is_by_stack = self._execution.is_by_stack  # which may know what is beside the robot by sensors of its own
+        self._path_guard = PathGuard(robot.identity.profile, plan.parameters, None if is_by_stack else self._map)
+        self._watch = None if is_by_stack and not self._guard.enabled else self._path_guard
         if robot.now_s() is not None:
             stop.at_once = robot.halt
         self._frame_due_s: float | None = None
@@ -207,8 +208,15 @@ class ContinuousStepper(Stepper):
         return True
 
     def _advance(self, until_s: float) -> bool:
+        """Drive on until a time; return as `_drive_until` does.
+
+        Raises:
+            PolicyFailedError: the depth guard has stopped a robot that a stack drives.
+        """
         result = self._robot.advance(until_s, self._watch)
         self._add(result)
+        if result.blocked and self._execution.is_by_stack:
+            raise PolicyFailedError(f"the depth guard stopped the robot that the stack drove: {result.blocked}")
         limit_s = self._plan.parameters.time_limit_s
         has_time = limit_s is None or self._so_far().time_s < limit_s
         return has_time and result.collision is None and not result.failure

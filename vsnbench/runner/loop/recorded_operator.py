@@ -31,6 +31,7 @@ class RecordedOperator(EpisodeOperator):
         self._is_blind = session.is_blind
         self._default_name = session.recording.operator_name
         """Author of answers if no other is known."""
+        self._controls = session.robots.controls
         self._stranded: EndedEpisode | None = None
         """Episode whose failure left the robot where only a person can move it."""
         self._upcoming = 0
@@ -51,7 +52,9 @@ class RecordedOperator(EpisodeOperator):
             self._record_intervention(failed, f"moved by hand after {failed.outcome.verdict.end_reason}")
 
     def step_taken(self, plan: EpisodePlan, step: Step) -> None:
-        """Show an action."""
+        """Show an action, and tell a person who drives whether it was refused."""
+        if self._controls is not None:
+            self._controls.refused = step.blocked
         self._operator.step_taken(plan, hide_choice(step) if self._is_blind else step)
 
     def asks_where(self, *, can_measure: bool) -> bool:

@@ -1,18 +1,21 @@
 """Checks that a model and a robot fit a protocol in which the robot drives on."""
 
 from vsnbench.errors import UsageError
-from vsnbench.models.names import is_stack
+from vsnbench.models.names import is_stack, stack_file
+from vsnbench.models.stack.file import load_stack
 from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.protocol.execution import KINDS_WHILE_DRIVING, STACK
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.values.model.card import ModelCard
+from vsnbench.values.observation import Sensor
 
 
 def rules_for(model: str, parameters: ProtocolParameters) -> ProtocolParameters:
     """Return the parameters of a protocol for a model: those of a stack if it is one, which drives the robot itself.
 
     Raises:
+        ModelError: the file of the stack cannot be read or is invalid.
         UsageError: the protocol states a latency, which a stack does not have (`stack-latency`).
     """
     if not is_stack(model):
@@ -24,7 +27,7 @@ def rules_for(model: str, parameters: ProtocolParameters) -> ProtocolParameters:
             advice="leave --continuous out",
             code="stack-latency",
         )
-    return parameters.driven_by_stack()
+    return parameters.driven_by_stack(guarded=load_stack(stack_file(model)).depth_guard)
 
 
 def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
@@ -46,7 +49,7 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
         return
     name = _name(robot)
     if by_stack:
-        _check_stack(disturbances, robot, card)
+        _check_stack(parameters, disturbances, robot, card)
         return
     if not robot.drives_on:
         raise UsageError(
@@ -90,12 +93,13 @@ def check_stack_without_person(card: ModelCard) -> None:
         )
 
 
-def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
+def _check_stack(parameters: ProtocolParameters, disturbances: Disturbances, robot: Robot, card: ModelCard) -> None:
     """Check that a stack can drive a robot itself.
 
     Raises:
         UsageError: the model is not a stack (`not-a-stack`), the robot accepts no velocity commands from others
-            (`no-velocity-commands`), or a disturbance changes what only a model would see (`stack-disturbed`).
+            (`no-velocity-commands`), a disturbance changes what only a model would see (`stack-disturbed`), or the
+            depth guard is on and the robot has no depth camera (`guard-without-depth`).
     """
     if STACK not in card.settings:
         raise UsageError(
@@ -114,6 +118,12 @@ def _check_stack(disturbances: Disturbances, robot: Robot, card: ModelCard) -> N
             f"--disturb changes what vsnbench shows to a model, and stack {card.name} reads the robot's topics itself",
             advice="leave --disturb out",
             code="stack-disturbed",
+        )
+    if parameters.depth_guard.enabled and Sensor.DEPTH not in robot.sensors:
+        raise UsageError(
+            f"stack {card.name} asks for the depth guard, and robot {_name(robot)} has no depth camera",
+            advice="leave `depth_guard` out of the stack's file",
+            code="guard-without-depth",
         )
 
 

@@ -92,7 +92,7 @@ class StudyPlace:
 
     def rules(self, arm: str) -> ProtocolParameters:
         """Return the protocol of an arm: the study's, in which a stack drives the robot itself."""
-        return rules_for(self.study.arms[arm].model, self.study.protocol)
+        return rules_for(self.model(arm), self.study.protocol)
 
     def options(self, arm: str) -> dict[str, Any]:
         """Return the options of an arm's model, with paths relative to the study's file resolved."""

@@ -112,6 +112,7 @@ def driver_json(controls: Controls, visitor: str) -> dict[str, Any]:
         "has_photo": view.photo is not None,
         "success_distance_m": view.success_distance_m,
         "picture": view.picture,
+        "refused": view.refused,
         "actions_left": budget.actions_left,
         "time_left_s": None if budget.time_left_s is None else round(budget.time_left_s, 1),
         "path_left_m": None if budget.path_left_m is None else round(budget.path_left_m, 2),

@@ -1,7 +1,8 @@
 """A stack of another project over ROS 1: it knows nothing of vsnbench.
 
 It takes goals and aborts on topics, and publishes its state five times a second: idle, driving, arrived or failed, like
-the status of move_base. Its path for each goal is in the frame of the robot when the goal arrives.
+the status of move_base. Its path for each goal is in the frame of the robot when the goal arrives. With a file of ways
+in the frame of the site, it is the way that begins where the robot is.
 """
 
 import json
@@ -15,6 +16,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Empty, String
 
 PATHS = json.loads(sys.argv[1])
+WAYS = json.load(open(sys.argv[3])) if len(sys.argv) > 3 else {}  # noqa: PTH123, SIM115
 AFTER = sys.argv[2]
 """What it says at the end of a path."""
 
@@ -25,12 +27,26 @@ class Stack:
         self.commands = rospy.Publisher("/mobile_base/commands/velocity", Twist, queue_size=1)
         self.states = rospy.Publisher("/their/state", String, queue_size=1)
         rospy.Subscriber("/odom", Odometry, self.take)
+        self.where = (0.0, 0.0)
+        if WAYS:
+            rospy.Subscriber("/simulation/ground_truth", Odometry, self.localize)
         rospy.Subscriber("/their/goal", String, self.take_goal)
         rospy.Subscriber("/their/abort", Empty, self.take_abort)
 
     def take(self, message: Odometry) -> None:
         at, turn = message.pose.pose.position, message.pose.pose.orientation
         self.pose = at.x, at.y, 2 * math.atan2(turn.z, turn.w)
+
+    def localize(self, message: Odometry) -> None:
+        self.where = message.pose.pose.position.x, message.pose.pose.position.y
+
+    def path_to(self, goal: str) -> list[list[float]]:
+        if not WAYS:
+            return PATHS[goal]
+        way = min(WAYS[goal], key=lambda way: math.dist(way[0][:2], self.where))
+        x0, y0, heading0 = way[0]
+        cos, sin = math.cos(heading0), math.sin(heading0)
+        return [[cos * (x - x0) + sin * (y - y0), cos * (y - y0) - sin * (x - x0)] for x, y, _ in way[1:]]
 
     def take_goal(self, message: String) -> None:
         print("goal", message.data, flush=True)
@@ -49,7 +65,7 @@ class Stack:
     def drive(self, goal: str, is_cancelled: threading.Event) -> None:
         self.state = "driving"
         x0, y0, heading0 = self.pose
-        for x_m, y_m in PATHS[goal]:
+        for x_m, y_m in self.path_to(goal):
             to_x = x0 + x_m * math.cos(heading0) - y_m * math.sin(heading0)
             to_y = y0 + x_m * math.sin(heading0) + y_m * math.cos(heading0)
             while not is_cancelled.is_set():

@@ -9,13 +9,14 @@ const ACTIONS = ["TURN_LEFT", "MOVE_FORWARD", "TURN_RIGHT", "MOVE_BACKWARD", "ST
 const PAD_BUTTONS = { 0: "STOP", 12: "MOVE_FORWARD", 13: "MOVE_BACKWARD", 14: "TURN_LEFT", 15: "TURN_RIGHT" };
 const STICK = 0.6;
 const STATUS = { preparing: "The next trial is being prepared.", moving: "The robot moves.", ended: "The session has ended. Thank you." };
+const REFUSED = "The guard refused. Choose again.";
 let state = null;
 let connection = null;
 let shown = 0; // number of the picture that is on the screen
 let loading = 0;
 let answered = 0; // number of the picture whose action was sent
 let wasTakable = false;
-let heldPadStop = true; // a button that is already held when the page loads does not count as a press
+let heldPad = new Set(["STOP"]); // a button that is already held when the page loads does not count as a press
 
 const isMine = () => state?.controls === "yours";
 const canChoose = () => isMine() && state.phase === "choosing" && shown === state.picture && answered !== state.picture;
@@ -57,7 +58,9 @@ function render() {
     if (canChoose()) at(action).classList.remove("pressed");
   }
   const taken = controls === "taken" && phase !== "ended";
-  at("status").textContent = taken ? `${driver} drives this robot in another browser.` : isMine() && phase === "choosing" ? (answered === state.picture ? STATUS.moving : "Choose an action.") : canTake ? "" : STATUS[phase] ?? "";
+  const isRefused = canChoose() && state.refused;
+  at("status").classList.toggle("refused", isRefused);
+  at("status").textContent = isRefused ? REFUSED : taken ? `${driver} drives this robot in another browser.` : isMine() && phase === "choosing" ? (answered === state.picture ? STATUS.moving : "Choose an action.") : canTake ? "" : STATUS[phase] ?? "";
 }
 
 function leftText() {
@@ -139,28 +142,25 @@ addEventListener("keydown", (event) => {
   const focused = document.activeElement;
   if (action === "STOP" && focused?.matches("button:focus-visible")) return; // the key presses this button
   event.preventDefault();
-  if (action === "STOP" && event.repeat) return; // a held key does not end a trial
+  if (event.repeat && (action === "STOP" || state.refused)) return; // a held key does not end a trial, nor ask again
   choose(action);
 });
 
 function pollGamepads() {
   const pads = [...navigator.getGamepads()].filter(Boolean);
-  let isStopDown = false;
+  const pressed = new Set();
   for (const pad of pads) {
-    for (const [button, action] of Object.entries(PAD_BUTTONS)) {
-      if (!pad.buttons[button]?.pressed) continue;
-      if (action !== "STOP") choose(action);
-      else isStopDown = true;
-    }
+    for (const [button, action] of Object.entries(PAD_BUTTONS)) if (pad.buttons[button]?.pressed) pressed.add(action);
     const [x = 0, y = 0] = pad.axes;
-    if (Math.abs(x) > STICK && Math.abs(x) >= Math.abs(y)) choose(x < 0 ? "TURN_LEFT" : "TURN_RIGHT");
-    else if (Math.abs(y) > STICK) choose(y < 0 ? "MOVE_FORWARD" : "MOVE_BACKWARD");
+    if (Math.abs(x) > STICK && Math.abs(x) >= Math.abs(y)) pressed.add(x < 0 ? "TURN_LEFT" : "TURN_RIGHT");
+    else if (Math.abs(y) > STICK) pressed.add(y < 0 ? "MOVE_FORWARD" : "MOVE_BACKWARD");
   }
-  if (isStopDown && !heldPadStop) {
-    if (state?.phase === "ready" && !at("start").hidden) begin();
-    else choose("STOP");
+  for (const action of pressed) {
+    if (heldPad.has(action) && (action === "STOP" || state?.refused)) continue;
+    if (action === "STOP" && state?.phase === "ready" && !at("start").hidden) begin();
+    else choose(action);
   }
-  heldPadStop = isStopDown;
+  heldPad = pressed;
   if (pads.length) requestAnimationFrame(pollGamepads);
 }
 addEventListener("gamepadconnected", () => requestAnimationFrame(pollGamepads));
