@@ -37,9 +37,9 @@ def test_a_recorded_definition_reads_back_with_the_same_hash(site: Site) -> None
 
 
 def test_a_policy_receives_words_or_the_photograph(site: Site) -> None:
-    assert describe_goal(site, "red-armchair") == "the red armchair"
-    assert describe_goal(site, "cold-box") == "refrigerator"
-    photo = describe_goal(site, "photo-bed")
+    assert describe_goal(site, "red-armchair", Pose(0.0, 0.0)) == "the red armchair"
+    assert describe_goal(site, "cold-box", Pose(0.0, 0.0)) == "refrigerator"
+    photo = describe_goal(site, "photo-bed", Pose(0.0, 0.0))
     assert (photo.kind, None if photo.image is None else photo.image.shape) == (GoalKind.IMAGE, (48, 64, 3))
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots, read_stops
+from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_legs, read_robots, read_stops
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
@@ -225,7 +225,9 @@ def build(
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record, examined), read_judgements(engine, record)
-        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses, stops))
+            legs = read_legs(engine, record)
+        counted = Activity(counting.result(), robots, failures, judgements, courses, stops, legs)
+        return replace(report, activity=counted)
 
 
 def _actions(url: str, selection: Selection) -> Rows:

@@ -93,8 +93,9 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
 
 
 def checked_goals(site: Site) -> list[str]:
-    """Return the goals of the paper that the site has, and the goals of the site file."""
-    return [*(goal for goal in GOAL_CATEGORIES if site.instances(goal)), *(goal.id for goal in site.goals)]
+    """Return the goals of the paper that the site has, and those of the site file: of a sequence, each of its goals."""
+    of_paper = (goal for goal in GOAL_CATEGORIES if site.instances(goal))
+    return list(dict.fromkeys((*of_paper, *(leg for goal in site.goals for leg in goal.legs))))
 
 
 def _unreachable_text(goals: dict[str, list[int]], count: int) -> str:

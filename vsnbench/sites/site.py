@@ -5,6 +5,7 @@ from x. The judge measures distances in this description, and the simulator buil
 """
 
 import hashlib
+import itertools
 import json
 import math
 from functools import cached_property
@@ -21,6 +22,7 @@ from pydantic import (
 )
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
+from shapely.geometry import Point as ShapelyPoint
 
 from vsnbench.errors import SiteFileError, UsageError
 from vsnbench.files.package_data import resource_directory
@@ -56,6 +58,11 @@ class _Segment(StrictModel):
     def centre_line(self) -> LineString:
         """The line between the two points."""
         return LineString([self.start, self.end])
+
+    @cached_property
+    def opening(self) -> Polygon:
+        """The opening that a door or window cuts: a strip wider than any wall."""
+        return self.centre_line.buffer(0.3, cap_style="flat")
 
 
 _SHORTEST_M = 0.02
@@ -218,11 +225,15 @@ class Site(StrictModel):
             raise ValueError(f"{', '.join(twice)} is repeated")
         return things
 
+    @field_validator("goals")
+    @classmethod
+    def _sequences_have_their_goals(cls, goals: list[SiteGoal]) -> list[SiteGoal]:
+        by_id = {goal.id: goal for goal in goals}
+        return [goal.with_parts(by_id) if goal.goals else goal for goal in goals]
+
     @model_validator(mode="after")
     def _goals_are_surveyed(self, info: ValidationInfo) -> Self:
-        check_references(
-            self.goals, (thing.id for thing in self.objects), self.categories, (start.number for start in self.starts)
-        )
+        check_references(self.goals, self)
         context = info.context or {}
         known = {*GOAL_CATEGORIES, *CATEGORIES, *self.categories, *(goal.id for goal in self.goals)}
         if CHECKING not in context and DIRECTORY not in context:  # a record has no goals
@@ -267,8 +278,17 @@ class Site(StrictModel):
         return frozenset(pairs | {(goal.id, number) for goal, number in limited if number not in goal.starts})
 
     def goal(self, name: str) -> SiteGoal | None:
-        """Return the goal of the site file with that id, or None: then the name is a category."""
-        return next((goal for goal in self.goals if goal.id == name), None)
+        """Return the goal of the site file, or in a sequence, with that id; None: then the name is a category."""
+        definitions = itertools.chain(self.goals, *(goal.parts for goal in self.goals))
+        return next((goal for goal in definitions if goal.id == name), None)
+
+    def is_in_wall(self, point: Point) -> bool:
+        """Return whether a point is in a wall, or in a closed door."""
+        there = ShapelyPoint(point)
+        openings = (door.opening for door in self.doors if not door.closed)
+        return any(wall.shape.covers(there) for wall in self.walls) and not any(
+            opening.covers(there) for opening in openings
+        )
 
     @cached_property
     def goals_sha256(self) -> str:

@@ -173,6 +173,10 @@ class Controls:
         trial = self.view.trial + 1
         self._renew(View(Phase.READY, trial, goal, photo, success_distance_m, self.view.picture)).get()
 
+    def show_goal(self, goal: str, photo: bytes | None = None) -> None:
+        """Show the next goal of the trial."""
+        self._renew(replace(self.view, goal=goal, photo=photo))
+
     def ask(self, picture_jpeg: bytes, budget: Budget) -> Action:
         """Show a picture, and return the action that the driver chooses.
 

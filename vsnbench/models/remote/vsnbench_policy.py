@@ -69,7 +69,8 @@ TILTS = ("LOOK_UP", "LOOK_DOWN")
 """No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
-GOAL_KINDS = ("category", "text", "image", "instruction")
+GOAL_KINDS = ("category", "text", "image", "instruction", "point", "route", "sequence")
+MAX_PHOTOGRAPHS = 100
 _GOAL_TEXTS = ("id", "kind", "text", "category")
 MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
@@ -116,10 +117,11 @@ class Camera(Facts):
 
 
 class Goal(str):
-    """The goal as a string, with `id`, `kind` (category, text, image or instruction), `text`, `category` and `image`.
+    """The goal as a string, with `id`, `kind`, `text`, `category`, `image`, `images` and `point`.
 
-    The string is the category, or the words of a text or instruction goal, or the id of an image goal. image: (H, W, 3)
-    uint8 RGB of an image goal, else None.
+    kind: category, text, image, instruction, point or route. The string is the category, or the words of a text or
+    instruction goal, or the id of another one. image: (H, W, 3) uint8 RGB of an image goal, else None. images: those of
+    a route, in order, else empty. point: (x, y) in metres in the frame of the start, of a point goal, else None.
     """
 
     id: str
@@ -127,10 +129,12 @@ class Goal(str):
     text: str
     category: str
     image: Any
+    images: Any
+    point: Any
 
     @staticmethod
     def of(message: dict[str, Any]) -> "Goal":
-        """Return the goal of a `reset` message.
+        """Return the goal of a `reset` or `next_goal` message.
 
         Raises:
             WireError: the message is invalid.
@@ -141,11 +145,21 @@ class Goal(str):
             raise WireError("`goal_fields` must be a mapping with texts")
         goal.id, goal.kind = fields.get("id") or str(goal), fields.get("kind") or "category"
         goal.text, goal.category = fields.get("text") or "", fields.get("category") or ""
-        if goal.kind not in GOAL_KINDS:
+        if goal.kind not in GOAL_KINDS or goal.kind == "sequence":
             raise WireError(f"no goal is of kind {goal.kind!r:.20}")
         if goal.kind == "category":
             goal.category = goal.category or str(goal)
         goal.image = None if fields.get("image") is None else _rgb_of(fields["image"])
+        images, goal.point = fields.get("images") or [], fields.get("point")
+        if not isinstance(images, list) or len(images) > MAX_PHOTOGRAPHS:
+            raise WireError(f"`goal_fields.images` must be an array of at most {MAX_PHOTOGRAPHS} photographs")
+        goal.images = tuple(_rgb_of(image) for image in images)
+        if goal.point is not None:
+            if not isinstance(goal.point, list) or len(goal.point) != 2 or not all(map(_is_finite, goal.point)):
+                raise WireError("`goal_fields.point` must be [x, y] in metres")
+            goal.point = tuple(map(float, goal.point))
+        if (goal.kind == "point") != (goal.point is not None) or (goal.kind == "route") != bool(goal.images):
+            raise WireError("a point needs `point`, and a route `images`; no other goal has them")
         return goal
 
 
@@ -391,6 +405,8 @@ class _Model:
             )
         self.batch, self.sessions = batch, sessions
         self.card = checked_card(first)
+        if self.batches and "sequence" in self.card["goal_kinds"]:
+            raise ValueError("a policy with act_batch begins again at each goal: leave sequence out of goal_kinds")
         if batch > 1:
             self.card["deterministic"] = False
             self.card["runs_on"]["batch"] = batch
@@ -432,6 +448,11 @@ class _Model:
                 policy.reset(goal, seed)
 
         return self._asked(_Request(session, call, None, connection))
+
+    def next_goal(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
+        """Give the next goal of a sequence to a policy that keeps its memory."""
+        goal = Goal.of(message)
+        return self._asked(_Request(session, lambda: session.policy.next_goal(goal), None, connection))
 
     def act(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
         """Return the request with the policy's answer to an observation."""
@@ -533,6 +554,8 @@ def checked_card(policy: Any) -> dict[str, Any]:
     if not isinstance(name, str) or not name.strip():
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
     _known(given, _CARD_FIELDS, "fields on the card")
+    if "sequence" in map(_value, given.get("goal_kinds") or ()) and not callable(getattr(policy, "next_goal", None)):
+        raise ValueError("goal_kinds has sequence, so the model keeps its memory: it needs a method next_goal(goal)")
     goals = given.get("goals")
     own_process = {"host": platform.node(), "python": platform.python_version()}
     return {
@@ -584,11 +607,15 @@ def _camera(given: Any) -> Any:
 
 def _known(given: Iterable[Any], known: Iterable[str], what: str) -> list[str]:
     """Return sorted names. Raises ValueError if one of them is not known."""
-    names = sorted(str(getattr(item, "value", item)) for item in given)
+    names = sorted(map(_value, given))
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError("unknown {}: {}; known: {}".format(what, ", ".join(unknown), ", ".join(known)))
     return names
+
+
+def _value(item: Any) -> str:
+    return str(getattr(item, "value", item))
 
 
 def _action_map(given: Any) -> dict[str, str]:
@@ -795,13 +822,14 @@ def _answer_until_bye(connection: Any, model: _Model, session: _Session) -> None
         if isinstance(number, bool) or not isinstance(number, int):
             raise WireError(f"{kind!r:.20} without a `seq`")
         try:
-            if kind not in ("reset", "act"):
+            calls = {"reset": model.begin, "next_goal": model.next_goal, "act": model.act}
+            if kind not in calls:
                 raise WireError(f"no message {kind!r:.20} in the protocol")
-            request = (model.begin if kind == "reset" else model.act)(session, message, connection)
+            request = calls[kind](session, message, connection)
             if request.error is not None:
                 raise request.error
-            answer: dict[str, Any] = {} if kind == "reset" else decision_of(request.answer)
-            answer["type"] = "ready" if kind == "reset" else "decision"
+            answer: dict[str, Any] = decision_of(request.answer) if kind == "act" else {}
+            answer["type"] = "decision" if kind == "act" else "ready"
             answer.update(seq=number, seconds=request.seconds, queued=request.waited, batch=request.together)
             connection.send(pack(answer))
         except ConnectionClosed:

@@ -9,7 +9,7 @@ import shapely
 
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
-from vsnbench.sites.geometry.walls import doorway, wall_area, walls_of
+from vsnbench.sites.geometry.walls import wall_area, walls_of
 from vsnbench.sites.site import Door, Room, Site, Window
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
-    ends = [(door.start, door.end) for door in site.doors]
-    ends += [(window.start, window.end) for window in site.windows]
-    solid = wall_area(site).difference(shapely.union_all([doorway(*end) for end in ends]))
+    solid = wall_area(site).difference(shapely.union_all([cut.opening for cut in (*site.doors, *site.windows)]))
     for part in shapely.get_parts(solid):
         rings = [Outline(list(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*rings)

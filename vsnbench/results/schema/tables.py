@@ -240,6 +240,8 @@ class EpisodeRow(TableBase):
     final_source: Mapped[str | None]
     images_directory: Mapped[str]
     """Relative to the results directory; empty without images."""
+    legs: Mapped[list[Any] | None]
+    """The goals of a sequence that were given, in order (`results.writing.entries.Leg`); NULL for another goal."""
 
 
 class StepRow(TableBase):
