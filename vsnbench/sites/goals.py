@@ -299,7 +299,7 @@ def check_references(goals: Collection[SiteGoal], site: "Site") -> None:
                 near = closest(target.category, categories)
                 hint = f": did you mean {near!r}?" if near else ""
                 errors.append((where, f"the site has no object of category {target.category!r}{hint}"))
-            if goal.kind is GoalKind.POINT and target.point is not None and site.is_in_wall(target.point):
+            if goal.kind is GoalKind.POINT and target.point is not None and _is_in_wall(site, target.point):
                 x_m, y_m = target.point
                 errors.append((where, f"point [{x_m:g}, {y_m:g}] is in a wall: no robot can stand there"))
         for place, leg in enumerate(goal.goals):
@@ -309,6 +309,15 @@ def check_references(goals: Collection[SiteGoal], site: "Site") -> None:
             errors.append((("goals", number, "starts"), f"the site has no starting position {missing[0]}"))
     if errors:
         raise FieldsError(errors)
+
+
+def _is_in_wall(site: "Site", point: Point) -> bool:
+    from shapely.geometry import Point as ShapelyPoint
+
+    there = ShapelyPoint(point)
+    openings = (door.opening for door in site.doors if not door.closed)
+    in_opening = any(opening.covers(there) for opening in openings)
+    return not in_opening and any(wall.shape.covers(there) for wall in site.walls)
 
 
 def _problem_of_leg(leg: str | SiteGoal, categories: Collection[str], ids: Iterable[str]) -> str:

@@ -22,7 +22,6 @@ from pydantic import (
 )
 from shapely import affinity
 from shapely.geometry import LineString, Polygon, box
-from shapely.geometry import Point as ShapelyPoint
 
 from vsnbench.errors import SiteFileError, UsageError
 from vsnbench.files.package_data import resource_directory
@@ -107,11 +106,6 @@ class Door(_Segment):
     name: str
     height_m: float = Field(default=2.0, gt=1.0, lt=4)
     closed: bool = False
-
-    @property
-    def clear_width_m(self) -> float:
-        """Width of the opening, metres."""
-        return self.length_m
 
 
 class Window(_Segment):
@@ -281,14 +275,6 @@ class Site(StrictModel):
         """Return the goal of the site file, or in a sequence, with that id; None: then the name is a category."""
         definitions = itertools.chain(self.goals, *(goal.parts for goal in self.goals))
         return next((goal for goal in definitions if goal.id == name), None)
-
-    def is_in_wall(self, point: Point) -> bool:
-        """Return whether a point is in a wall, or in a closed door."""
-        there = ShapelyPoint(point)
-        openings = (door.opening for door in self.doors if not door.closed)
-        return any(wall.shape.covers(there) for wall in self.walls) and not any(
-            opening.covers(there) for opening in openings
-        )
 
     @cached_property
     def goals_sha256(self) -> str:

@@ -107,7 +107,7 @@ def _print_summary(
         ),
         *([("execution", text_of_execution(episode.provenance.protocol))] if episode.execution != STOP_AND_GO else []),
         *([] if episode.execution == STACK else [("actions", str(episode.actions))]),
-        *_leg_rows(episode),
+        *((f"goal {leg.position}", safe(leg.text)) for leg in episode.legs),
         ("distance to goal", (metres(episode.distance_m, episode.success_distance_m) or "unknown") + source),
         *_course_rows(episode.progress, measures),
         (
@@ -134,20 +134,6 @@ def _goal_rows(goal: "RecordedGoal | None") -> "list[tuple[str, str]]":
         return []
     words = f": {safe(goal.text)}" if goal.text else ""
     return [("goal", f"{goal.kind}{words}"), ("targets", safe(goal.target_text))]
-
-
-def _leg_rows(episode: "EpisodeRecord") -> "list[tuple[str, str]]":
-    return [
-        (
-            f"goal {leg.position}",
-            (
-                f"{safe(leg.goal)}: {'void' if leg.success is None else 'success' if leg.success else 'failure'}, "
-                f"{leg.end_reason} after {leg.actions} actions, path {metres(leg.path_m)} (shortest "
-                f"{metres(leg.shortest_m) or 'unknown'}){'' if leg.memory else ', begun again'}"
-            ),
-        )
-        for leg in episode.legs
-    ]
 
 
 def _session_and_placement(episode: "EpisodeRecord") -> "list[tuple[str, str]]":

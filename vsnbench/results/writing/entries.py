@@ -9,6 +9,7 @@ from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.protocol.limits import Spent
 from vsnbench.protocol.stop_pose import StopPose
 from vsnbench.results.fields import quantity
+from vsnbench.text.sanitize import counted
 from vsnbench.values.fix import Fix
 from vsnbench.values.placement import MeasuredPlacement
 
@@ -33,6 +34,15 @@ class Leg:
     distance_m: float | None = quantity("distance to the goal at the end")
     goal_instance: str | None = quantity("id of the nearest target that counts")
     memory: bool = quantity("the model kept its memory of earlier goals; otherwise it began again")
+
+    @property
+    def text(self) -> str:
+        """The leg in one line."""
+        outcome = {True: "success", False: "failure", None: "void"}[self.success]
+        shortest = "" if self.shortest_m is None else f" (shortest {self.shortest_m:.2f} m)"
+        begun = "" if self.memory else ", begun again"
+        ended = f"{self.end_reason} after {counted(self.actions, 'action')}"
+        return f"{self.goal}: {outcome}, {ended}, path {self.path_m:.2f} m{shortest}{begun}"
 
 
 def leg_of(position: int, goal: str, verdict: Verdict, spent: Spent, shortest_m: float, *, memory: bool) -> Leg:
