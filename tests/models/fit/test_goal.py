@@ -4,9 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.sites.goal_sites import write_site
+from tests.sites.goal_sites import GOALS, write_site
+from vsnbench.errors import UsageError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.fit.goal import goal_for, misfit
+from vsnbench.runner.setup.selection import choose_goals
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.pose import Pose
@@ -34,3 +36,15 @@ def test_a_model_receives_its_own_word_for_a_category(site: Site) -> None:
     assert not misfit(COCO, site, "sofa")
     assert misfit(COCO, site, "bed")
     assert misfit(COCO, site, "red-armchair")
+
+
+def test_a_sequence_fits_a_model_that_takes_each_of_its_goals(tmp_path: Path) -> None:
+    tour = GOALS + "  - {id: tour, kind: sequence, goals: [sofa, red-armchair]}\n"
+    site = load_site(write_site(tmp_path, tour))
+    assert not misfit(TEXT, site, "tour")
+    assert misfit(COCO, site, "tour") == (
+        "sequence tour: model coco takes goals of kind category, and red-armchair is of kind text"
+    )
+    with pytest.raises(UsageError) as refused:
+        choose_goals(["tour"], site, COCO)
+    assert refused.value.code == "goal-kind"

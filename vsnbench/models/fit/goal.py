@@ -24,7 +24,7 @@ def misfit(card: ModelCard, site: Site, name: str) -> str:
     if kind is GoalKind.SEQUENCE:
         found = (misfit(card, site, leg) for leg in legs_of(site, name))
         problem = next(filter(None, found), "")
-        return problem and f"{problem} of sequence {name}"
+        return problem and f"sequence {name}: {problem}"
     kinds = card.goal_kinds
     as_words = kind is GoalKind.CATEGORY and kind not in kinds and GoalKind.TEXT in kinds
     if kind not in kinds and not as_words:

@@ -71,6 +71,8 @@ SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction", "point", "route", "sequence")
 MAX_PHOTOGRAPHS = 100
+POINT_GOAL = "pointgoal_with_gps_compass"
+"""Habitat's name of a point in the robot's frame."""
 _GOAL_TEXTS = ("id", "kind", "text", "category")
 MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
@@ -1037,8 +1039,9 @@ class HabitatAgent:
     """Any Habitat `Agent` (`reset()`, `act(observations)`) as a policy.
 
     The agent gets `rgb` (H, W, 3) uint8, `depth` (H, W, 1) float32 normalised to [0, 1], `gps` (2,) float32,
-    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8, or
-    `instruction`, a dict with `text`. It returns a number of `actions`, the name of an action, or a dict with `action`;
+    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8,
+    `instruction`, a dict with `text`, or `pointgoal_with_gps_compass` (2,) float32, the distance in metres and the
+    angle to the left in radians. It returns a number of `actions`, the name of an action, or a dict with `action`;
     `action_args` are ignored, because no action here has any.
     """
 
@@ -1062,13 +1065,14 @@ class HabitatAgent:
     }
     """Goal ids and action numbers are those of HM3D ObjectNav in habitat-lab. `gps` is habitat's (forward, right) or
     `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot. `goal` is
-    `objectgoal`, `imagegoal` or `instruction`. `resize` is the length of the shorter edge in pixels or [height, width],
-    by the mean of areas; `crop` is [height, width] of the middle, after that. `intrinsics` adds (3, 3) float32 of the
-    resulting images."""
+    `objectgoal`, `imagegoal`, `instruction` or `pointgoal_with_gps_compass`. `resize` is the length of the shorter edge
+    in pixels or [height, width], by the mean of areas; `crop` is [height, width] of the middle, after that.
+    `intrinsics` adds (3, 3) float32 of the resulting images."""
     GOALS: ClassVar[dict[str, list[str]]] = {
         "objectgoal": ["category"],
         "imagegoal": ["image"],
         "instruction": ["instruction", "text"],
+        POINT_GOAL: ["point"],
     }
     """Kinds of goals by the name of the agent's observation."""
 
@@ -1097,6 +1101,8 @@ class HabitatAgent:
         """Start an episode, and seed the random number generators."""
         if self.settings["goal"] == "imagegoal":
             self._goal, _ = self._framed(goal.image)  # type: ignore[attr-defined]
+        elif self.settings["goal"] == POINT_GOAL:
+            self._goal = goal.point  # type: ignore[attr-defined]
         elif self.settings["goal"] == "instruction":
             self._goal = {"text": getattr(goal, "text", "") or str(goal)}
         elif goal in self.settings["goals"]:
@@ -1140,6 +1146,8 @@ class HabitatAgent:
             right = 1.0 if self.settings["gps"] == "forward-left" else -1.0
             found["gps"] = np.array([observation.pose.x_m, right * observation.pose.y_m], np.float32)
             compass = np.float32(math.remainder(observation.pose.heading_rad, math.tau))
+            if self.settings["goal"] == POINT_GOAL:
+                found[POINT_GOAL] = _polar(self._goal, observation.pose)
             found["compass"] = np.clip(np.array([compass], np.float32), -_COMPASS_LIMIT, _COMPASS_LIMIT)
         return found
 
@@ -1183,6 +1191,13 @@ def _area_mean(image: Any, count: int, axis: int) -> Any:
     sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
     widths = (end - begin).reshape(-1, *[1] * (rows.ndim - 1))
     return np.moveaxis((sums[end] - sums[begin]) / widths, 0, axis)
+
+
+def _polar(point: Any, pose: Pose) -> Any:
+    """Return the distance of a point in metres, and its angle to the left of where the robot faces in radians."""
+    ahead_m, left_m = point[0] - pose.x_m, point[1] - pose.y_m
+    angle_rad = math.remainder(math.atan2(left_m, ahead_m) - pose.heading_rad, math.tau)
+    return np.array([math.hypot(ahead_m, left_m), angle_rad], np.float32)
 
 
 def _intrinsics(camera: Camera, scale: Any, corner: Any) -> Any:

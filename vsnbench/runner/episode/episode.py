@@ -163,6 +163,9 @@ def run_episode(
             if reason is not None and reason.ends_leg and len(legs) + 1 < len(goals):
                 end = _judged(robot, leg, reason, spent.actions, 0.0, "", began=True)
                 end = end if looks is None else looks.judged(end)
+                if not end.end_reason.is_result:  # where the robot stands is not known
+                    reason, error = end.end_reason, end.error
+                    continue
                 legs.append(_leg_of(robot, leg, leg_from, spent, end, len(legs), calls))
                 recorder.event("leg", f"goal {len(legs)} of {len(goals)}, {leg.goal}: {end.verdict.text}")
                 reason, spent, leg_from = None, Spent(), here.pose
@@ -174,7 +177,7 @@ def run_episode(
                     seed = (plan.seed + len(legs)) % 2**32
                     calls.next_goal(plan.site, replace(task, goal=leg.goal, seed=seed), plan.parameters, base)
         if step.result is not None and not reason.is_result:
-            error = step.result.failure
+            error = error or step.result.failure
     except Stopped as acted:
         stopped = acted
         reason = EndReason.ABORTED if acted.request.author is StopAuthor.PERSON else EndReason.INTERRUPTED
