@@ -55,7 +55,7 @@ def _read(
 ) -> ReportData:
     record = read_report_data(engine, selection, results_directory, for_success=for_success)
     if record.conditions and record.planned:
-        return record
+        return replace(record, legs=read_legs(engine, record))
     everything = read_report_data(engine, Selection(), results_directory, for_success=True)
     if not everything.conditions:
         raise RecordError(
@@ -109,6 +109,10 @@ class Report:
         if len(results.conditions) > 1:
             tables.append(overview_table(results))
         tables += [goal_table(summary) for summary in results.conditions]
+        if self.record.legs:
+            from vsnbench.report.tables.progress import sequence_table
+
+            tables.append(sequence_table(results, self.record.legs))
         if (defined := definition_table(self.record.goals, results)) is not None:
             tables.append(defined)
         if self.reference:
@@ -225,9 +229,7 @@ def build(
             if meanwhile:
                 meanwhile(report)
             failures, judgements = read_failures(engine, record, examined), read_judgements(engine, record)
-            legs = read_legs(engine, record)
-        counted = Activity(counting.result(), robots, failures, judgements, courses, stops, legs)
-        return replace(report, activity=counted)
+        return replace(report, activity=Activity(counting.result(), robots, failures, judgements, courses, stops))
 
 
 def _actions(url: str, selection: Selection) -> Rows:

@@ -52,8 +52,6 @@ class Activity:
     """Courses of a condition (`tables.progress.COURSES`)."""
     stops: Rows = ()
     """Poses of a robot that were measured after STOP (`tables.activity.ODOMETRY`)."""
-    legs: Rows = ()
-    """Positions of the goals in a condition's sequences (`tables.progress.LEGS`)."""
 
 
 def read_actions(engine: Engine, selection: Selection) -> Rows:
@@ -195,6 +193,8 @@ def read_legs(engine: Engine, record: ReportData) -> Rows:
 
     A goal that was not given, because a collision had ended the episode, is a failure.
     """
+    if all(goal.kind is not GoalKind.SEQUENCE for goal in record.goals.values()):
+        return ()
     query = select(EpisodeRow.id, EpisodeRow.legs, GoalRow.content).join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
     query = query.join(GoalRow, GoalRow.id == TrialRow.goal_id).where(COUNTS, GoalRow.kind == GoalKind.SEQUENCE.value)
     with record_errors(engine), engine.connect() as connection:

@@ -56,6 +56,13 @@ class ConditionRow:
         return next(iter(self.counted(name) or ()), None)
 
     @property
+    def legs(self) -> Rows:
+        """The positions in the condition's sequences; none for published results."""
+        if self.record is None or self.summary.condition.published:
+            return ()
+        return [row for row in self.record.legs if row["condition"] == self.summary.condition.number]
+
+    @property
     def part(self) -> tuple[ReportData, ConditionSummary] | None:
         """The episodes of the condition, for the sensitivity analyses; None for published results."""
         return (self.record, self.summary) if self.record and not self.summary.condition.published else None
@@ -126,7 +133,7 @@ MODEL = Measures.shared(
         "sequences",
         objects(LEGS),
         "success by position in a sequence of goals, and of whole sequences",
-        lambda row: row.counted("legs") or None,
+        lambda row: row.legs or None,
         only_in="records with sequences",
     ),
 )

@@ -23,9 +23,8 @@ MAX_PLACES = 20
 
 
 def progress_tables(record: ReportData, results: ReportResults, activity: Activity) -> list[ReportTable]:
-    """Return tables of all conditions, of sequences by position, and of places of failures, where there are some."""
+    """Return the table of all conditions, and one of the places of failures for each condition that has some."""
     measured = [_measures(results, activity.courses)] if activity.courses else []
-    measured += [_legs(results, activity.legs)] if activity.legs else []
     return [*measured, *_places(record, results, activity)]
 
 
@@ -121,7 +120,8 @@ LEGS = Measures(
 """Measures of a position in a condition's sequences, and of whole sequences."""
 
 
-def _legs(results: ReportResults, legs: Rows) -> ReportTable:
+def sequence_table(results: ReportResults, legs: Rows) -> ReportTable:
+    """Return the table of success by position in the sequence, and of whole sequences."""
     by_number = {summary.condition.number: summary.condition for summary in results.conditions}
     rows = [{**row, "model": by_number[row["condition"]].name} for row in legs]
     begun = sorted({row["model"] for row in rows if not row["memory"]})
