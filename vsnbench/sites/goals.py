@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +19,6 @@ from vsnbench.sites.fields import Point, Slug, StrictModel, check_outline
 from vsnbench.text.suggestions import closest
 from vsnbench.values.encoding.images import MOST_PIXELS, decode_picture, picture_size
 from vsnbench.values.goal import LEAST_PHOTOGRAPHS, GoalKind
-
-if TYPE_CHECKING:
-    from vsnbench.sites.site import Site
 
 MAX_IMAGE_BYTES = 5_000_000
 """Maximum size of the file of a photograph."""
@@ -277,8 +274,12 @@ class SiteGoal(StrictModel):
         return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
 
 
-def check_references(goals: Collection[SiteGoal], site: "Site") -> None:
+def check_references(goals: Collection[SiteGoal], site: Any) -> None:
     """Check that targets, starts and goals of sequences exist, and that no point is in a wall.
+
+    Args:
+        goals: the goals.
+        site: their `Site`, whose module imports this one.
 
     Raises:
         FieldsError: some do not.
@@ -311,7 +312,7 @@ def check_references(goals: Collection[SiteGoal], site: "Site") -> None:
         raise FieldsError(errors)
 
 
-def _is_in_wall(site: "Site", point: Point) -> bool:
+def _is_in_wall(site: Any, point: Point) -> bool:
     from shapely.geometry import Point as ShapelyPoint
 
     there = ShapelyPoint(point)
