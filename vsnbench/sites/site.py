@@ -5,7 +5,6 @@ from x. The judge measures distances in this description, and the simulator buil
 """
 
 import hashlib
-import itertools
 import json
 import math
 from functools import cached_property
@@ -100,8 +99,7 @@ class Wall(_Segment):
 class Door(_Segment):
     """A doorway: the clear opening between two points on a wall's centre line.
 
-    The leaf is hinged at `start` and swings to the left of start -> end; during trials it is fully open. A closed
-    door, such as the front door, is as impassable as the wall.
+    The leaf is hinged at `start`, swings to the left of start -> end, and is open during trials unless `closed`.
     """
 
     name: str
@@ -224,8 +222,7 @@ class Site(StrictModel):
     @field_validator("goals")
     @classmethod
     def _sequences_have_their_goals(cls, goals: list[SiteGoal]) -> list[SiteGoal]:
-        by_id = {goal.id: goal for goal in goals}
-        return [goal.with_parts(by_id) if goal.goals else goal for goal in goals]
+        return [goal.with_parts({other.id: other for other in goals}) if goal.goals else goal for goal in goals]
 
     @model_validator(mode="after")
     def _goals_are_surveyed(self, info: ValidationInfo) -> Self:
@@ -277,8 +274,7 @@ class Site(StrictModel):
 
     def goal(self, name: str) -> SiteGoal | None:
         """Return the goal of the site file, or in a sequence, with that id; None: then the name is a category."""
-        definitions = itertools.chain(self.goals, *(goal.parts for goal in self.goals))
-        return next((goal for goal in definitions if goal.id == name), None)
+        return next((part for goal in self.goals for part in (goal, *goal.parts) if part.id == name), None)
 
     @cached_property
     def goals_sha256(self) -> str:
