@@ -39,10 +39,7 @@ class Frontier(Policy):
     def act(self, observation: Observation) -> Decision:
         """Drive to a place to stop if one is reachable, else to a frontier."""
         lens, rays = self.map.look(observation)
-        range_m = abs(rays)
-        goal = self.goal_pixels(observation)[::2, ::2] & (range_m > STOP_M / 2) & (range_m < REACH_M)
-        before_m = np.arange(0.3, STOP_M, CELL_M / 2)[:, None]  # on the lines of sight: no wall is between
-        self.stop[cells(lens + rays[goal] * np.maximum(1 - before_m / range_m[goal], 0.0))] = True
+        self.mark(observation, lens, rays)
         if self.stop[abs(self.map.way) < 0.08].any():
             return Decision(Action.STOP)
         untried = self.tried < 20
@@ -57,6 +54,17 @@ class Frontier(Policy):
         if abs(end) < 0.6:
             return self.turn(float(np.angle(end)))
         return self.drive(path[:-8])  # what lies at a frontier is not known
+
+    def mark(self, observation: Observation, lens: complex, rays: Any) -> None:
+        """Mark where to stop at what the image shows of the goal."""
+        self.stop[self.stops(self.goal_pixels(observation), lens, rays)] = True
+
+    def stops(self, pixels: Any, lens: complex, rays: Any) -> Any:
+        """Return the cells where to stop at what some pixels show."""
+        range_m = abs(rays)
+        goal = pixels[::2, ::2] & (range_m > STOP_M / 2) & (range_m < REACH_M)
+        before_m = np.arange(0.3, STOP_M, CELL_M / 2)[:, None]  # on the lines of sight: no wall is between
+        return cells(lens + rays[goal] * np.maximum(1 - before_m / range_m[goal], 0.0))
 
     def goal_pixels(self, observation: Observation) -> Any:
         """Return which pixels show the goal."""

@@ -4,7 +4,7 @@ CREATE TABLE alembic_version (
 	version_num VARCHAR(32) NOT NULL, 
 	CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num)
 );
-INSERT INTO "alembic_version" VALUES('0012');
+INSERT INTO "alembic_version" VALUES('0013');
 CREATE TABLE "campaign" (
 	id INTEGER NOT NULL, 
 	"key" TEXT NOT NULL, 
@@ -19,11 +19,11 @@ CREATE TABLE "campaign" (
 	conditions JSON NOT NULL, 
 	seed BIGINT NOT NULL, 
 	CONSTRAINT pk_campaign PRIMARY KEY (id), 
-	CONSTRAINT fk_campaign_site_id_site FOREIGN KEY(site_id) REFERENCES site (id), 
-	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id), 
-	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
 	CONSTRAINT fk_campaign_model_id_model FOREIGN KEY(model_id) REFERENCES model (id), 
-	CONSTRAINT fk_campaign_process_id_process FOREIGN KEY(process_id) REFERENCES process (id)
+	CONSTRAINT fk_campaign_site_id_site FOREIGN KEY(site_id) REFERENCES site (id), 
+	CONSTRAINT uq_campaign_key UNIQUE ("key"), 
+	CONSTRAINT fk_campaign_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
+	CONSTRAINT fk_campaign_robot_id_robot FOREIGN KEY(robot_id) REFERENCES robot (id)
 );
 CREATE TABLE "episode" (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, 
@@ -56,11 +56,11 @@ CREATE TABLE "episode" (
 	state TEXT NOT NULL, 
 	lease_until DATETIME, 
 	start_source TEXT, 
-	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), thinking_s DOUBLE, 
-	CONSTRAINT uq_episode_uuid UNIQUE (uuid), 
-	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
-	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 
+	goal_in_sight BOOLEAN, session_id INTEGER CONSTRAINT fk_episode_session_id_session REFERENCES session (id), thinking_s DOUBLE, legs JSON, 
 	CONSTRAINT fk_episode_process_id_process FOREIGN KEY(process_id) REFERENCES process (id), 
+	CONSTRAINT fk_episode_trial_id_trial FOREIGN KEY(trial_id) REFERENCES trial (id), 
+	CONSTRAINT uq_episode_uuid UNIQUE (uuid), 
+	CONSTRAINT ck_episode_ends_with_a_reason CHECK ((end_reason IS NULL) = (ended_at IS NULL)), 
 	CONSTRAINT ck_episode_ck_episode_state_fits_the_end CHECK (state IN ('claimed', 'placed', 'running', 'awaiting', 'judged', 'void') AND (state IN ('claimed', 'placed', 'running')) = (end_reason IS NULL))
 );
 CREATE TABLE "event" (
@@ -328,9 +328,9 @@ CREATE TABLE "verdict" (
 	CONSTRAINT fk_verdict_episode_id_episode FOREIGN KEY(episode_id) REFERENCES episode (id)
 );
 CREATE INDEX ix_step_actions ON step (episode_id, raw_action, action, blocked);
-CREATE INDEX ix_campaign_robot_id ON campaign (robot_id);
 CREATE INDEX ix_campaign_model_id ON campaign (model_id);
 CREATE INDEX ix_campaign_site_id ON campaign (site_id);
+CREATE INDEX ix_campaign_robot_id ON campaign (robot_id);
 CREATE INDEX ix_verdict_episode_id_proposed_id ON verdict (episode_id, proposed, id);
 CREATE INDEX ix_episode_process_id ON episode (process_id);
 CREATE INDEX ix_episode_trial_id ON episode (trial_id);

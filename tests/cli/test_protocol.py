@@ -28,7 +28,7 @@ def recorded(results: Path) -> list[tuple[dict[str, object], str]]:
 
 def test_list_and_show_print_the_named_protocols(run: Run) -> None:
     listed = json.loads(run("protocol", "list", "--json").out)
-    assert [each["name"] for each in listed] == ["ros4vsn", "habitat-objectnav", "onsite-instruction"]
+    assert [each["name"] for each in listed] == ["ros4vsn", "habitat-objectnav", "onsite-instruction", "goat-sequence"]
     shown = json.loads(run("protocol", "show", "onsite-instruction", "--json").out)
     values = {row["name"]: (row["value"], row["unit"], row["default"]) for row in shown["parameters"]}
     assert values["max_time_s"] == (360.0, "s", None)

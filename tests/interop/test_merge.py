@@ -383,7 +383,8 @@ def as_of_0004(results: Path) -> Path:
         for column in ("movement", "rgb_file_digest", "depth_file_digest", "refusal"):
             database.execute(f"ALTER TABLE step DROP COLUMN {column}")
         database.execute("ALTER TABLE trial DROP COLUMN goal_id")
-        database.execute("ALTER TABLE episode DROP COLUMN thinking_s")
+        for column in ("thinking_s", "legs"):
+            database.execute(f"ALTER TABLE episode DROP COLUMN {column}")
         database.execute("DROP TABLE goal")
         (table,) = database.execute("SELECT sql FROM sqlite_master WHERE name = 'placement'").fetchone()
         table = table.replace("_moment UNIQUE (episode_id, moment)", " UNIQUE (episode_id)")

@@ -21,10 +21,14 @@ def test_the_default_is_the_paper_s_protocol() -> None:
 
 
 def test_the_values_of_named_protocols_never_change() -> None:
-    habitat, onsite = load_protocol("habitat-objectnav"), load_protocol("onsite-instruction")
+    habitat, onsite, goat = (
+        load_protocol(name) for name in ("habitat-objectnav", "onsite-instruction", "goat-sequence")
+    )
     assert (habitat.max_actions, habitat.forward_m, habitat.turn_deg, habitat.success_distance_m) == (500, 0.25, 30, 1)
     assert (habitat.max_time_s, habitat.max_path_m) == (None, None)
     assert (onsite.max_time_s, onsite.success_distance_m, onsite.in_sight, onsite.max_actions) == (360, 2, True, 1000)
+    assert (onsite.forward_m, onsite.turn_deg) == (0.2, 15)
+    assert (goat.max_actions, goat.forward_m, goat.turn_deg, goat.success_distance_m) == (500, 0.25, 30, 1)
     assert [each.parameters.name for each in NAMED.values()] == list(NAMED)
 
 

@@ -1,10 +1,14 @@
 """Goal definitions in the record survive a run, a report and a merge."""
 
+import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from sqlalchemy import select
 
+from tests.evidence.verification.conftest import lines, verified
 from tests.sites.goal_sites import GOALS, write_site
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.interop.merge import merge, merge_source
@@ -106,3 +110,37 @@ def test_a_model_of_categories_is_not_given_a_sentence_and_nothing_is_written(si
         run(site, "red-armchair", tmp_path / "r", model="vlv")
     assert refused.value.code == "goal-kind"
     assert not (tmp_path / "r").exists()
+
+
+def test_a_sequence_is_recorded_reported_merged_and_verified_leg_by_leg(tmp_path: Path) -> None:
+    site = write_site(
+        tmp_path, GOALS + "  - {id: tour, kind: sequence, goals: [chair, window-corner, to-the-kitchen]}\n"
+    )
+    results = run(site, "tour", tmp_path / "r")
+    mine = ResultsDirectory.locate(tmp_path / "mine")
+    merge(mine, [merge_source(str(tmp_path / "r"))])
+    for directory in (results, mine):
+        with open_record(directory.database_url) as engine:
+            episode = episode_record(engine, 1)
+        assert episode.outcome == "success"
+        assert [(leg.position, leg.goal, leg.success) for leg in episode.legs] == [
+            (1, "chair", True),
+            (2, "window-corner", True),
+            (3, "to-the-kitchen", True),
+        ]
+        assert sum(leg.actions for leg in episode.legs) == episode.actions
+        assert all(leg.shortest_m is not None and 0 < leg.shortest_m <= leg.path_m for leg in episode.legs)
+        rows = read(directory.database_url, Selection()).legs
+        assert [(row["position"], row["rate"].successes, row["rate"].trials) for row in rows] == [
+            *((number, 1, 1) for number in (1, 2, 3)),
+            (None, 1, 1),
+        ]
+        assert rows[3]["spl"] == pytest.approx(
+            sum(leg.shortest_m or 0 for leg in episode.legs) / sum(leg.path_m for leg in episode.legs)
+        )
+    assert lines(verified(tmp_path / "r", replay=1)) == []
+    for column, value in (("success", "false"), ("actions", "1"), ("path_m", "0.5"), ("end_reason", '"collision"')):
+        changed = shutil.copytree(tmp_path / "r", tmp_path / column)
+        with closing(sqlite3.connect(changed / "vsnbench.db")) as database, database:
+            database.execute(f"UPDATE episode SET legs = json_set(legs, '$[1].{column}', json('{value}'))")
+        assert [line for line in lines(verified(changed)) if f"{column} of goal 2" in line]

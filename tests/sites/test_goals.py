@@ -1,16 +1,20 @@
 """Goals of a site file: what they mean, and which are refused."""
 
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.sites.goal_sites import GOALS, write_site
+from vsnbench.errors import SiteFileError
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.human_verdict import taped
 from vsnbench.protocol.judge import EndReason, distance_to_goal, stop_succeeds
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.site import Site, load_site
-from vsnbench.sites.targets import describe_goal, targets_of
+from vsnbench.sites.targets import describe_goal, legs_of, targets_of
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.pose import Pose
@@ -37,9 +41,9 @@ def test_a_recorded_definition_reads_back_with_the_same_hash(site: Site) -> None
 
 
 def test_a_policy_receives_words_or_the_photograph(site: Site) -> None:
-    assert describe_goal(site, "red-armchair") == "the red armchair"
-    assert describe_goal(site, "cold-box") == "refrigerator"
-    photo = describe_goal(site, "photo-bed")
+    assert describe_goal(site, "red-armchair", Pose(0.0, 0.0)) == "the red armchair"
+    assert describe_goal(site, "cold-box", Pose(0.0, 0.0)) == "refrigerator"
+    photo = describe_goal(site, "photo-bed", Pose(0.0, 0.0))
     assert (photo.kind, None if photo.image is None else photo.image.shape) == (GoalKind.IMAGE, (48, 64, 3))
 
 
@@ -71,3 +75,44 @@ def test_the_shortest_path_is_zero_where_stop_succeeds(site: Site, goal: str, at
 
 def test_an_instruction_has_trials_from_its_starts_only(site: Site) -> None:
     assert {number for goal, number in site.excluded if goal == "to-the-kitchen"} == set(range(4, 16))
+
+
+def test_a_route_needs_two_photographs_and_keeps_their_order(tmp_path: Path) -> None:
+    route = "goals:\n  - {id: way, kind: route, images: [bed.png, other.png], targets: [bed-1]}\n"
+    (tmp_path / "other.png").write_bytes(cv2.imencode(".png", np.zeros((48, 64, 3), np.uint8))[1].tobytes())
+    told = describe_goal(load_site(write_site(tmp_path, route)), "way", Pose(0.0, 0.0))
+    assert (str(told), told.kind, [bool(image.any()) for image in told.images]) == (
+        "way",
+        GoalKind.ROUTE,
+        [True, False],
+    )
+    with pytest.raises(SiteFileError, match="one photograph"):
+        load_site(write_site(tmp_path, route.replace(", other.png", "")))
+
+
+def test_a_sequence_has_the_definitions_of_its_goals(tmp_path: Path) -> None:
+    tour = GOALS + "  - {id: tour, kind: sequence, goals: [couch, red-armchair]}\n"
+    site = load_site(write_site(tmp_path, tour))
+    changed = load_site(write_site(tmp_path, tour.replace("the red armchair", "the old armchair")))
+    assert legs_of(site, "tour") == ("sofa", "red-armchair")
+    assert [target.id for target in targets_of(site, "tour")] == ["sofa-1", "armchair"]
+    before, after = (each.goal("tour") for each in (site, changed))
+    assert before is not None
+    assert after is not None
+    assert before.sha256 != after.sha256
+    alone = Site.model_validate({**site.content(), "goals": [before.content()]})  # as the record of its trials has it
+    assert [target.id for target in targets_of(alone, "red-armchair")] == ["armchair"]
+    assert alone.goals[0].sha256 == before.sha256
+
+
+def test_a_point_may_be_in_an_open_door_but_not_in_a_closed_one() -> None:
+    apartment = load_site("apartment").content()
+
+    def with_point(door: dict[str, Any]) -> Site:
+        (x0, y0), (x1, y1) = door["start"], door["end"]
+        goal = {"id": "a", "kind": "point", "targets": [{"point": [(x0 + x1) / 2, (y0 + y1) / 2]}]}
+        return Site.model_validate({**apartment, "goals": [goal]})
+
+    assert with_point(next(door for door in apartment["doors"] if not door["closed"])).goals
+    with pytest.raises(ValueError, match="in a wall"):
+        with_point(next(door for door in apartment["doors"] if door["closed"]))

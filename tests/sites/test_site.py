@@ -26,7 +26,7 @@ def test_the_apartment_has_the_three_areas_of_the_paper(apartment: Site) -> None
 def test_the_bathroom_lies_behind_a_narrow_door(apartment: Site) -> None:
     door = next(door for door in apartment.doors if door.name == "bathroom door")
     bathroom = next(room for room in apartment.rooms if room.name == "bathroom")
-    assert door.clear_width_m == pytest.approx(0.70)
+    assert door.length_m == pytest.approx(0.70)
     assert door.centre_line.distance(bathroom.shape) < 0.01
     others = [each for each in apartment.doors if each is not door and not each.closed]
     assert all(each.centre_line.distance(bathroom.shape) > 0.5 for each in others)

@@ -101,9 +101,7 @@ def show(site_name: SiteArgument, as_json: Json = False) -> None:
     console.print(f"{site.area_m2:.1f} m², ceiling {site.ceiling_height_m:g} m, content {site.sha256[:12]}")
     rooms = ", ".join(f"{room.name} {room.shape.area:.1f} m²" for room in site.rooms)
     console.print(f"rooms: {safe(rooms)}", highlight=False)
-    doors = ", ".join(
-        f"{door.name} {door.clear_width_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors
-    )
+    doors = ", ".join(f"{door.name} {door.length_m:.2f} m{' (closed)' if door.closed else ''}" for door in site.doors)
     console.print(f"doors: {safe(doors or 'none')}\n", highlight=False)
     instances = {goal: ", ".join(safe(thing.id) for thing in site.instances(goal)) for goal in GOAL_CATEGORIES}
     goals = [(goal, names or "[yellow]none[/yellow]") for goal, names in instances.items()]

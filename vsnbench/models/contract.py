@@ -81,7 +81,7 @@ class Policy(ABC):
 
         Args:
             goal: the goal as a `vsnbench.Goal`, which is also a string: the category, such as `chair`, the words of a
-                text or an instruction, or the id of an image goal.
+                text or an instruction, or the id of an image goal, a point or a route.
             seed: source of every random choice in the episode.
         """
 
@@ -92,6 +92,17 @@ class Policy(ABC):
             task: goal, seed, and the numbers of the protocol and the robot.
         """
         self.reset(task.goal, task.seed)
+
+    def next_goal(self, goal: str) -> None:
+        """Receive the next goal of a sequence where the last one ended, and keep everything that was learned.
+
+        Called only if the card's `goal_kinds` have `GoalKind.SEQUENCE`; for other models, `begin` is called for each
+        goal. The robot has not moved in between, and `Observation.pose` continues.
+
+        Args:
+            goal: as for `reset`; never the sequence itself.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.next_goal: goal_kinds of its card have `sequence`")
 
     @abstractmethod
     def act(self, observation: Observation) -> Decision:

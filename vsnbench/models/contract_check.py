@@ -97,7 +97,7 @@ def check_policy(policy: Policy, profile: RobotProfile | None = None, steps: int
 
 
 def example_tasks(card: ModelCard, profile: RobotProfile | None = None) -> list[Task]:
-    """Return a task for each goal that a model takes: each category that it knows, a text, a route, a photograph."""
+    """Return a task for each goal that a model takes: each category that it knows, and one of each other kind."""
     words = [word for word in (word_for(card, category) for category in GOAL_CATEGORIES) if word]
     categories = words or sorted(card.goals or ())[:_MOST_WORDS]
     accepted = [Goal(word) for word in categories if GoalKind.CATEGORY in card.goal_kinds]
@@ -108,6 +108,11 @@ def example_tasks(card: ModelCard, profile: RobotProfile | None = None) -> list[
         accepted.append(Goal("example-route", GoalKind.INSTRUCTION, text=route))
     if GoalKind.IMAGE in card.goal_kinds:
         accepted.append(Goal("example-photo", GoalKind.IMAGE, image=_everything(SEED).rgb))
+    if GoalKind.POINT in card.goal_kinds:
+        accepted.append(Goal("example-point", GoalKind.POINT, point=(2.0, -0.5)))
+    if GoalKind.ROUTE in card.goal_kinds:
+        photographs = [_everything(SEED + number).rgb for number in range(3)]
+        accepted.append(Goal("example-photographs", GoalKind.ROUTE, images=photographs))
     return [synthetic_task(goal, SEED, profile) for goal in accepted or [Goal("chair")]]
 
 
@@ -157,7 +162,7 @@ def _camera(width: int, height: int) -> Camera:
 
 
 def goals(policy: Policy, tasks: Sequence[Task]) -> str:
-    """Start an episode for each goal that the card states, and take one step in it.
+    """Start an episode for each goal that the card states, and take one step in it; then give them as a sequence.
 
     Raises:
         ModelError: the policy failed for one of them.
@@ -170,6 +175,11 @@ def goals(policy: Policy, tasks: Sequence[Task]) -> str:
         except Exception as error:
             kind = task.goal.kind if isinstance(task.goal, Goal) else GoalKind.CATEGORY
             raise ModelError(f"goal of kind {kind}, {str(task.goal)!r}: {line_and_place(error)}") from error
+    if GoalKind.SEQUENCE in policy.card.goal_kinds:
+        policy.begin(tasks[0])
+        for number, task in enumerate(tasks[1:] or tasks):
+            answer(policy, task, synthetic_observation(policy, number))
+            policy.next_goal(task.goal)
     return ", ".join(str(task.goal) for task in tasks)
 
 

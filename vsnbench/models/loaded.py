@@ -55,6 +55,11 @@ class LoadedPolicy(Policy):
             self.policy.begin(task)
         self.announcement = self.policy.announcement
 
+    def next_goal(self, goal: str) -> None:
+        """Pass the next goal of a sequence on."""
+        with self._losses():
+            self.policy.next_goal(goal)
+
     def act(self, observation: Observation) -> Decision:
         """Return the next action.
 

@@ -20,7 +20,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.geometry.line_of_sight import sight
 from vsnbench.sites.geometry.walls import solid_objects, solid_shapes
 from vsnbench.sites.site import Site
-from vsnbench.sites.targets import Target, targets_of
+from vsnbench.sites.targets import Target, legs_of, targets_of
 from vsnbench.values.pose import Pose
 
 Floats = npt.NDArray[np.float64]
@@ -95,7 +95,7 @@ class CourseMap:
         self._goals: dict[str, _Goal | None] = {}
 
     def approach(self, goal: str, poses: Sequence[Pose]) -> Approach | None:
-        """Return how the robot came near a goal; None if the site has no target of it, or without poses."""
+        """Return how the robot came near a goal; None for a sequence, and without targets or poses."""
         if not poses or (found := self._of_goal(goal)) is None:
             return None
         targets, region = found
@@ -143,7 +143,7 @@ class CourseMap:
     def _of_goal(self, goal: str) -> _Goal | None:
         """Return the targets of a goal and its success region; None if the site has no target of it."""
         if goal not in self._goals:
-            targets = targets_of(self.site, goal)
+            targets = () if len(legs_of(self.site, goal)) > 1 else targets_of(self.site, goal)  # each leg has its own
             region = success_region(self.site, goal, self._parameters) if targets else None
             if region is not None:
                 shapely.prepare(region)

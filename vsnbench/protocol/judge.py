@@ -8,7 +8,7 @@ on it is measured in sight: along straight lines that no wall and no closed door
 the centre of the base inside it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,8 @@ from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from shapely.geometry.base import BaseGeometry
 
     from vsnbench.protocol.parameters import ProtocolParameters
@@ -55,6 +57,11 @@ class EndReason(StrEnum):
     def is_limit(self) -> bool:
         """Whether the episode reached a limit of the protocol."""
         return self in (EndReason.STEP_LIMIT, EndReason.TIME_LIMIT, EndReason.PATH_LIMIT)
+
+    @property
+    def ends_leg(self) -> bool:
+        """Whether only a goal of a sequence ends, and the next one is given: after STOP and at a limit."""
+        return self is EndReason.STOP or self.is_limit
 
 
 ROBOT_FAILURES = (EndReason.MOTION_FAILED, EndReason.SENSOR_LOST)
@@ -229,6 +236,22 @@ def judge(
         f"{distance.instance or 'the goal'} ({distance.source}), {comparison}"
     )
     return Verdict(end_reason, near, text, distance)
+
+
+def judge_sequence(earlier: "Sequence[bool | None]", last: Verdict, goals: int) -> Verdict:
+    """Judge an ended episode of a sequence: it succeeds if every goal was reached.
+
+    Args:
+        earlier: success at each goal before the last one that was given.
+        last: verdict of that one, which is the episode's end.
+        goals: number of goals of the sequence.
+    """
+    if last.success is None:
+        return last
+    reached = sum(success is True for success in (*earlier, last.success))
+    outcome = "success" if reached == goals else "failed"
+    text = f"{outcome}: {reached} of {goals} goals reached; the last: {last.text}"
+    return replace(last, success=reached == goals, text=text)
 
 
 def is_region(instance: str) -> bool:

@@ -1,6 +1,6 @@
 """Named protocols, and protocols of a user's YAML file.
 
-A named protocol never changes its values: records refer to it. A changed one gets a new name.
+A published protocol never changes its values: records refer to it. A changed one gets a new name.
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,7 +31,12 @@ _DEFAULT_SOURCES: Final[Mapping[str, str]] = MappingProxyType(
 )
 _UNITS: Final = (("_m", "m"), ("_s", "s"), ("_deg", "degrees"), ("max_actions", "actions"), ("_pixels", "pixels"))
 _HABITAT = "Habitat ObjectNav challenges 2020 to 2022; Batra et al., ObjectNav Revisited (2020)"
-_ONSITE = "rules of the onsite phase, navigation track of the IROS 2025 challenge"
+_ONSITE = (
+    "rules of the onsite phase, navigation track of the IROS 2025 challenge: "
+    "InternRobotics/InternNav, challenge/onsite_competition/onsite_competition_rules_en-US.md, 4.3 and 5.1"
+)
+_ONSITE_ROBOT = "its robot's code: InternRobotics/InternNav, challenge/onsite_competition/sdk/real_world_env.py"
+_GOAT = "GOAT-Bench (Khanna et al., CVPR 2024) and its code: Ram81/goat-bench, README.md and config/tasks"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +74,27 @@ NAMED: Final[Mapping[str, NamedProtocol]] = MappingProxyType(
             dict.fromkeys(("max_actions", "forward_m", "turn_deg", "success_distance_m"), _HABITAT),
         ),
         "onsite-instruction": NamedProtocol(
-            "onsite contests of instruction following: 6 minutes, STOP within 2 m in sight",
-            ProtocolParameters(name="onsite-instruction", max_actions=1000, max_time_s=360.0, success_distance_m=2.0),
+            "onsite contests of instruction following: 6 minutes, STOP within 2 m in sight, no collision",
+            ProtocolParameters(
+                name="onsite-instruction",
+                max_actions=1000,
+                max_time_s=360.0,
+                success_distance_m=2.0,
+                forward_m=0.2,
+                turn_deg=15.0,
+            ),
             {
                 **dict.fromkeys(("max_time_s", "success_distance_m"), _ONSITE),
+                **dict.fromkeys(("forward_m", "turn_deg"), _ONSITE_ROBOT),
                 "max_actions": "vsnbench: ends a model that never moves; the contest has no such limit",
             },
+        ),
+        "goat-sequence": NamedProtocol(
+            "sequences of goals with the limits of GOAT-Bench: 500 actions for each goal",
+            ProtocolParameters(
+                name="goat-sequence", max_actions=500, forward_m=0.25, turn_deg=30.0, success_distance_m=1.0
+            ),
+            dict.fromkeys(("max_actions", "forward_m", "turn_deg", "success_distance_m"), _GOAT),
         ),
     }
 )

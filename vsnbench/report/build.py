@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots, read_stops
+from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_legs, read_robots, read_stops
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
@@ -55,7 +55,7 @@ def _read(
 ) -> ReportData:
     record = read_report_data(engine, selection, results_directory, for_success=for_success)
     if record.conditions and record.planned:
-        return record
+        return replace(record, legs=read_legs(engine, record))
     everything = read_report_data(engine, Selection(), results_directory, for_success=True)
     if not everything.conditions:
         raise RecordError(
@@ -109,6 +109,10 @@ class Report:
         if len(results.conditions) > 1:
             tables.append(overview_table(results))
         tables += [goal_table(summary) for summary in results.conditions]
+        if self.record.legs:
+            from vsnbench.report.tables.progress import sequence_table
+
+            tables.append(sequence_table(results, self.record.legs))
         if (defined := definition_table(self.record.goals, results)) is not None:
             tables.append(defined)
         if self.reference:

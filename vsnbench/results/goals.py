@@ -16,12 +16,16 @@ if TYPE_CHECKING:
     from vsnbench.sites.goals import SiteGoal
 
 
+GOAL_KINDS = ", ".join(f"`{kind}`" for kind in GoalKind)
+"""Kinds of goals, in words."""
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedGoal:
     """Definition of a goal in the record."""
 
     name: str = quantity("name of the goal")
-    kind: GoalKind = quantity("`category`, `text`, `image` or `instruction`")
+    kind: GoalKind = quantity(GOAL_KINDS)
     sha256: str = quantity("SHA-256 of the definition")
     content: Mapping[str, Any] = quantity("entry of the site file; keys depend on the kind")
 
@@ -33,7 +37,9 @@ class RecordedGoal:
     @property
     def target_text(self) -> str:
         """What counts as reached, in short."""
-        return ", ".join(_target_text(target) for target in self.content.get("targets", ()))
+        legs = self.content.get("goals", ())
+        names = (str(leg["id"] if isinstance(leg, Mapping) else leg) for leg in legs)
+        return ", ".join((*names, *(_target_text(target) for target in self.content.get("targets", ()))))
 
 
 def goal_text(content: Mapping[str, Any]) -> str:

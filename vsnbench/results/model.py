@@ -13,10 +13,11 @@ from vsnbench.protocol.disturbances import text_of_conditions
 from vsnbench.protocol.execution import STOP_AND_GO, execution_of
 from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.fields import fields_of, quantity
-from vsnbench.results.goals import RecordedGoal, goal_text
+from vsnbench.results.goals import GOAL_KINDS, RecordedGoal, goal_text
 from vsnbench.results.reading import read_model as read
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.row_encoding import fix_of_columns
+from vsnbench.results.writing.entries import Leg
 from vsnbench.results.writing.lifecycle import RESULTS
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession, RecordedStop
 from vsnbench.values.fix import Fix, PoseSource
@@ -72,9 +73,7 @@ class Episode:
     simulated: bool = quantity("the robot is simulated", tables.RobotRow.simulated)
     site: str = quantity("name of the site", tables.SiteRow.name)
     goal: str = quantity("goal category, or name of a goal of the site file", tables.TrialRow.goal)
-    goal_kind: str = quantity(
-        "`category`, `text`, `image` or `instruction`", func.coalesce(tables.GoalRow.kind, GoalKind.CATEGORY.value)
-    )
+    goal_kind: str = quantity(GOAL_KINDS, func.coalesce(tables.GoalRow.kind, GoalKind.CATEGORY.value))
     goal_text: str = quantity(
         "words of a text goal, an instruction or a category of the site file; empty otherwise",
         tables.GoalRow.content,
@@ -144,6 +143,11 @@ class Episode:
         "success distance of the protocol",
         tables.CampaignRow.protocol["success_distance_m"].as_float(),
         absent="if it has none",
+    )
+    legs: tuple[Leg, ...] = quantity(
+        "goals of a sequence that were given, in order, as the protocol judged them; empty for another goal",
+        _ROW.legs,
+        decode=lambda legs: tuple(Leg(**leg) for leg in legs or ()),
     )
     tags: tuple[str, ...] = quantity("tags in alphabetical order")
 

@@ -87,7 +87,7 @@ def _place(
         blocked = thing.shape.intersection(doorway)
         if thing.solid and blocked.area > TOUCHING_M2:
             blocked_m = max(_sides_m(blocked))
-            problem = f"blocks {blocked_m:.2f} m of the {door.clear_width_m:.2f} m opening of {door_name(door)}"
+            problem = f"blocks {blocked_m:.2f} m of the {door.length_m:.2f} m opening of {door_name(door)}"
             yield _error("object-in-doorway", thing, problem, "move it", blocked_m, entry, ("doors", index))
 
 

@@ -79,22 +79,23 @@ def reachability_findings(site: Site, space: FreeSpace, rules: ProtocolParameter
         )
     needed_m = 2 * space.robot_radius_m
     for index, door in enumerate(site.doors):
-        if not door.closed and door.clear_width_m <= needed_m and ("doors", index) not in reported:
+        if not door.closed and door.length_m <= needed_m and ("doors", index) not in reported:
             yield SiteFinding(
                 Severity.WARNING,
                 "door-too-narrow",
                 door_name(door),
-                f"is {door.clear_width_m:.2f} m clear, the robot needs {needed_m:.2f}",
+                f"is {door.length_m:.2f} m clear, the robot needs {needed_m:.2f}",
                 "measure the clear opening between the jambs again",
                 stretch(door.start, door.end),
-                needed_m - door.clear_width_m,
+                needed_m - door.length_m,
                 (("doors", index),),
             )
 
 
 def checked_goals(site: Site) -> list[str]:
-    """Return the goals of the paper that the site has, and the goals of the site file."""
-    return [*(goal for goal in GOAL_CATEGORIES if site.instances(goal)), *(goal.id for goal in site.goals)]
+    """Return the goals of the paper that the site has, and those of the site file: of a sequence, each of its goals."""
+    of_paper = (goal for goal in GOAL_CATEGORIES if site.instances(goal))
+    return list(dict.fromkeys((*of_paper, *(leg for goal in site.goals for leg in goal.legs))))
 
 
 def _unreachable_text(goals: dict[str, list[int]], count: int) -> str:
@@ -191,7 +192,7 @@ class _Search:
         site, here, needed_m = self._site, shapely.Point(at), 2 * self._space.robot_radius_m
         for index, door in enumerate(site.doors):
             half_m = max((wall.thickness_m / 2 for wall in walls_of(site, door.start, door.end)), default=0.05)
-            clear_m = door.clear_width_m
+            clear_m = door.length_m
             near = not door.closed and door.centre_line.distance(here) < half_m + _NEAR_M
             if near and clear_m < needed_m + 2 * RESOLUTION_M:
                 return SiteFinding(

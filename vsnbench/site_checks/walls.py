@@ -179,26 +179,26 @@ def _doors_to_nowhere(site: Site) -> Iterator[SiteFinding]:
 
 def _ceiling(site: Site) -> Iterator[SiteFinding]:
     """Yield a warning for lengths that look like feet, or for each very wide door."""
-    wide = [door for door in site.doors if door.clear_width_m > 2]
+    wide = [door for door in site.doors if door.length_m > 2]
     if site.ceiling_height_m > 6 and site.doors and len(wide) == len(site.doors):
         yield SiteFinding(
             Severity.WARNING,
             "lengths-in-feet",
             f"site {site.name}",
-            f"has a ceiling of {site.ceiling_height_m:g} and doors of {wide[0].clear_width_m:.2f} and more",
+            f"has a ceiling of {site.ceiling_height_m:g} and doors of {wide[0].length_m:.2f} and more",
             f"these look like feet; in metres they are {site.ceiling_height_m * _FEET_M:.2f} "
-            f"and {wide[0].clear_width_m * _FEET_M:.2f}",
+            f"and {wide[0].length_m * _FEET_M:.2f}",
         )
         return
     for index, door in enumerate(site.doors):
-        if door.clear_width_m > _WIDEST_DOOR_M:
+        if door.length_m > _WIDEST_DOOR_M:
             yield SiteFinding(
                 Severity.WARNING,
                 "door-very-wide",
                 door_name(door),
-                f"({range_text(door.start, door.end)}) is {door.clear_width_m:.2f} m wide",
+                f"({range_text(door.start, door.end)}) is {door.length_m:.2f} m wide",
                 "measure the clear opening between the jambs again",
                 points(door.start, door.end),
-                door.clear_width_m,
+                door.length_m,
                 (("doors", index),),
             )

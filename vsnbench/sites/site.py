@@ -58,6 +58,11 @@ class _Segment(StrictModel):
         """The line between the two points."""
         return LineString([self.start, self.end])
 
+    @cached_property
+    def opening(self) -> Polygon:
+        """The opening that a door or window cuts: a strip wider than any wall."""
+        return self.centre_line.buffer(0.3, cap_style="flat")
+
 
 _SHORTEST_M = 0.02
 
@@ -94,18 +99,12 @@ class Wall(_Segment):
 class Door(_Segment):
     """A doorway: the clear opening between two points on a wall's centre line.
 
-    The leaf is hinged at `start` and swings to the left of start -> end; during trials it is fully open. A closed
-    door, such as the front door, is as impassable as the wall.
+    The leaf is hinged at `start`, swings to the left of start -> end, and is open during trials unless `closed`.
     """
 
     name: str
     height_m: float = Field(default=2.0, gt=1.0, lt=4)
     closed: bool = False
-
-    @property
-    def clear_width_m(self) -> float:
-        """Width of the opening, metres."""
-        return self.length_m
 
 
 class Window(_Segment):
@@ -220,11 +219,14 @@ class Site(StrictModel):
             raise ValueError(f"{', '.join(twice)} is repeated")
         return things
 
+    @field_validator("goals")
+    @classmethod
+    def _sequences_have_their_goals(cls, goals: list[SiteGoal]) -> list[SiteGoal]:
+        return [goal.with_parts({other.id: other for other in goals}) if goal.goals else goal for goal in goals]
+
     @model_validator(mode="after")
     def _goals_are_surveyed(self, info: ValidationInfo) -> Self:
-        check_references(
-            self.goals, (thing.id for thing in self.objects), self.categories, (start.number for start in self.starts)
-        )
+        check_references(self.goals, self)
         context = info.context or {}
         known = {*GOAL_CATEGORIES, *CATEGORIES, *self.categories, *(goal.id for goal in self.goals)}
         if CHECKING not in context and DIRECTORY not in context:  # a record has no goals
@@ -271,8 +273,8 @@ class Site(StrictModel):
         return frozenset(pairs | {(goal.id, number) for goal, number in limited if number not in goal.starts})
 
     def goal(self, name: str) -> SiteGoal | None:
-        """Return the goal of the site file with that id, or None: then the name is a category."""
-        return next((goal for goal in self.goals if goal.id == name), None)
+        """Return the goal of the site file, or in a sequence, with that id; None: then the name is a category."""
+        return next((part for goal in self.goals for part in (goal, *goal.parts) if part.id == name), None)
 
     @cached_property
     def goals_sha256(self) -> str:

@@ -9,6 +9,7 @@ from vsnbench.sites.categories import canonical_category
 from vsnbench.sites.goals import GoalTarget
 from vsnbench.sites.site import Site, SiteObject
 from vsnbench.values.goal import Goal, GoalKind
+from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -43,11 +44,14 @@ def targets_of(site: Site, name: str) -> tuple[Target, ...]:
         name: id of a goal of the site file, or a category.
 
     Returns:
-        The targets in the order of the site file; none if the site has no such goal.
+        The targets in the order of the site file, of all goals of a sequence; none if the site has no such goal.
     """
     goal = site.goal(name)
     if goal is None:
         return tuple(Target(thing.id, thing.shape, thing) for thing in site.instances(name))
+    if goal.kind is GoalKind.SEQUENCE:
+        each = {target.id: target for leg in goal.legs for target in targets_of(site, leg)}
+        return tuple(each.values())
     found: dict[str, Target] = {}
     for number, target in enumerate(goal.meant, start=1):
         for resolved in _resolved(site, target, number):
@@ -69,27 +73,39 @@ def _resolved(site: Site, target: GoalTarget, number: int) -> Iterator[Target]:
         yield Target(f"{REGION}{target.name or number}", shapely.Polygon(target.region))
 
 
-def describe_goal(site: Site, name: str) -> Goal:
-    """Return the goal of that name as a policy receives it.
+def legs_of(site: Site, name: str) -> tuple[str, ...]:
+    """Return the goals that are given one after the other: those of a sequence, or the goal itself."""
+    goal = site.goal(name)
+    return (name,) if goal is None else goal.legs
+
+
+def describe_goal(site: Site, name: str, start: Pose) -> Goal:
+    """Return the goal of that name as a policy receives it whose episode began at a pose in the site's frame.
 
     Raises:
-        SiteError: the photograph of an image goal is not available (`no-goal-image`).
+        SiteError: a photograph of an image goal or route is not available (`no-goal-image`).
+        ValueError: the goal is a sequence.
     """
     goal = site.goal(name)
     if goal is None:
         return Goal(name)
     if goal.kind is GoalKind.CATEGORY:
         return Goal(goal.id, category=canonical_category(goal.category))
-    if goal.kind is not GoalKind.IMAGE:
-        return Goal(goal.id, goal.kind, text=goal.text)
-    pixels = None if goal.image is None else goal.image.pixels
-    if pixels is None:
+    if goal.kind is GoalKind.POINT and goal.targets[0].point is not None:
+        there = Pose(*goal.targets[0].point).relative_to(start)
+        return Goal(goal.id, goal.kind, point=there.position)
+    photographs = [image for image in (goal.image, *goal.images) if image is not None]
+    images = [image.pixels for image in photographs]
+    available = [pixels for pixels in images if pixels is not None]
+    if len(available) < len(images) or (goal.kind is GoalKind.IMAGE and not images):
         raise SiteError(
-            f"the photograph of goal {goal.id!r} is not available",
+            f"goal {goal.id!r}: a photograph is not available",
             advice="load the site from its file, which names the image",
             code="no-goal-image",
         )
-    return Goal(goal.id, GoalKind.IMAGE, image=pixels)
+    if goal.kind is GoalKind.IMAGE:
+        return Goal(goal.id, goal.kind, image=available[0])
+    return Goal(goal.id, goal.kind, text=goal.text, images=available)
 
 
 def kind_of(site: Site, name: str) -> GoalKind:
@@ -99,8 +115,10 @@ def kind_of(site: Site, name: str) -> GoalKind:
 
 
 def goal_words(site: Site, name: str) -> str:
-    """Return a goal for people: its name, and the words of a text goal or an instruction."""
+    """Return a goal for people: its name, the words of a text goal or an instruction, the goals of a sequence."""
     goal = site.goal(name)
+    if goal is not None and goal.kind is GoalKind.SEQUENCE:
+        return f"{name} ({', '.join(goal.legs)})"
     return f"{name} ({goal.text})" if goal is not None and goal.text else name
 
 

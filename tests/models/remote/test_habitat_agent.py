@@ -121,6 +121,25 @@ def test_intrinsics_are_those_of_the_resized_and_cropped_image() -> None:
     assert "intrinsics" not in seen_by(picture())
 
 
+@pytest.mark.parametrize(
+    ("pose", "polar"),
+    [
+        (Pose(0.0, 0.0, 0.0), (5.0, math.atan2(4, 3))),
+        (Pose(3.0, 0.0, 0.0), (4.0, math.pi / 2)),
+        (Pose(3.0, 0.0, math.pi), (4.0, -math.pi / 2)),
+        (Pose(3.0, 4.0, 1.0), (0.0, None)),
+    ],
+)
+def test_a_point_is_told_from_where_the_robot_stands(pose: Pose, polar: tuple[float, float | None]) -> None:
+    goal = Goal("there")
+    goal.point = (3.0, 4.0)
+    shot = picture()
+    shot.pose = pose
+    seen = seen_by(shot, goal, goal="pointgoal_with_gps_compass")["pointgoal_with_gps_compass"]
+    assert (seen.dtype, float(seen[0])) == (np.float32, pytest.approx(polar[0], abs=1e-6))
+    assert polar[1] is None or float(seen[1]) == pytest.approx(polar[1], abs=1e-6)
+
+
 def test_an_agent_with_image_or_instruction_goals_gets_them_as_habitat_names_them() -> None:
     goal = Goal("photo")
     goal.image, goal.text = picture(96, 128).rgb, ""

@@ -28,7 +28,7 @@ from vsnbench.sites.site import load_site
 from vsnbench.web.driver.page import DriverPage
 
 SENT = {
-    *("driver", "controls", "practice", "phase", "trial", "goal", "has_photo", "success_distance_m", "picture"),
+    *("driver", "controls", "practice", "phase", "trial", "leg", "goal", "has_photo", "success_distance_m", "picture"),
     *("refused", "actions_left", "time_left_s", "path_left_m", "csrf_token"),
 }
 """Everything that the page is told: nothing of the plan, the pose, the distance, the path or a verdict."""

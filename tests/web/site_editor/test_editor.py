@@ -140,7 +140,7 @@ def test_a_flat_is_drawn_from_a_map_with_mouse_and_keyboard(tmp_path: Path) -> N
     site = load_site(path)
     assert [room.shape.area for room in site.rooms] == [pytest.approx(20, abs=0.5), pytest.approx(10, abs=0.5)]
     assert len(site.walls) >= 4
-    assert [door.clear_width_m for door in site.doors] == [pytest.approx(0.8, abs=0.06)]
+    assert [door.length_m for door in site.doors] == [pytest.approx(0.8, abs=0.06)]
     assert site.starts[0].heading_deg == 90
     (sofa,) = site.objects
     assert (sofa.position[0], sofa.heading_deg) == (1.5, 15)

@@ -21,6 +21,7 @@ from vsnbench.site_checks.finding import Severity
 from vsnbench.sites.goals import MAX_IMAGE_BYTES
 from vsnbench.sites.site import embedded_sites, load_site
 from vsnbench.sites.targets import describe_goal, targets_of
+from vsnbench.values.pose import Pose
 
 APARTMENT = embedded_sites()["apartment"].read_text(encoding="utf-8")
 
@@ -77,8 +78,8 @@ def test_goals_of_every_kind_are_drawn(tmp_path: Path) -> None:
     (region,) = targets_of(site, "to-the-rug")
     assert region.shape.bounds == pytest.approx((7.6, 4.55, 9.2, 5.2), abs=0.03)
     assert [goal.starts for goal in site.goals[-2:]] == [list(range(1, 16)), [7, 8, 10, 11, 12]]
-    assert describe_goal(site, "to-the-desk") == "pass the sofa and stop at the desk"
-    bed, sofa = (describe_goal(site, name).image for name in GOAL_IDS["image"])
+    assert describe_goal(site, "to-the-desk", Pose(0.0, 0.0)) == "pass the sofa and stop at the desk"
+    bed, sofa = (describe_goal(site, name, Pose(0.0, 0.0)).image for name in GOAL_IDS["image"])
     assert bed is not None
     assert sofa is not None
     assert bed.shape == (480, 640, 3)

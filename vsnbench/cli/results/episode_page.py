@@ -107,6 +107,7 @@ def _print_summary(
         ),
         *([("execution", text_of_execution(episode.provenance.protocol))] if episode.execution != STOP_AND_GO else []),
         *([] if episode.execution == STACK else [("actions", str(episode.actions))]),
+        *((f"goal {leg.position}", safe(leg.text)) for leg in episode.legs),
         ("distance to goal", (metres(episode.distance_m, episode.success_distance_m) or "unknown") + source),
         *_course_rows(episode.progress, measures),
         (

@@ -6,6 +6,7 @@ Columns that follow from the steps (number of actions, duration, path, distances
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import Row
@@ -14,15 +15,26 @@ from vsnbench import __version__
 from vsnbench.evidence.verification.checks import Check, Finding, Progress, cell
 from vsnbench.evidence.verification.record import RecordedCondition, VerifiedRecord
 from vsnbench.protocol.free_space import free_space
-from vsnbench.protocol.judge import ROBOT_FAILURES, EndReason, GoalDistance, Verdict, distance_to_goal, end_after, judge
+from vsnbench.protocol.judge import (
+    ROBOT_FAILURES,
+    EndReason,
+    GoalDistance,
+    Verdict,
+    distance_to_goal,
+    end_after,
+    judge,
+    judge_sequence,
+)
 from vsnbench.protocol.limits import Spent
 from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
 from vsnbench.results.second_judgements import second_judgements
 from vsnbench.results.writing.campaigns import trial_seed
+from vsnbench.results.writing.entries import Leg, leg_of
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
-from vsnbench.sites.targets import targets_of
+from vsnbench.sites.targets import legs_of, targets_of
 from vsnbench.text.sanitize import counted
+from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import IMPORTED
 from vsnbench.values.step import StepRecord, taken_action
@@ -78,6 +90,11 @@ class _EpisodeCheck:
         self.is_recovered = any(verdict.source == "recovery" for verdict in verdicts)
         self.was_retracted = record.was_retracted(episode.id)
         self.other_wording = False
+        site = self.condition.site
+        self.goals = (episode.goal,) if site is None else legs_of(site, episode.goal)
+        self.legs: list[Leg] = []
+        """The goals of a sequence, judged again."""
+        self.recorded = [Leg(**leg) for leg in episode.legs or ()]
         self.start = pose_of_columns(episode.start_x_m, episode.start_y_m, episode.start_heading_rad)
         self.final = fix_of_columns(
             episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source
@@ -105,14 +122,20 @@ class _EpisodeCheck:
 
     def _end(self) -> Iterator[Finding]:
         """Apply the rules for the end of an episode to every step."""
-        spent, reason, before = Spent(), None, self.start
+        spent, reason, before, begin = Spent(), None, self.start, self.start
         for step in self.steps:
+            if reason is not None and reason.ends_leg and len(self.legs) + 1 < len(self.goals):
+                self._add_leg(spent, reason, begin, before)
+                spent, reason, begin = Spent(), None, before
             if reason is not None:
                 yield cell("step", f"{self.episode.id}/{step.number}", "number", f"follows the end ({reason})")
                 return
             spent, before = self._after(spent, step, before), self._world(step) or before
             reason = end_after(spent, taken_action(step.action, step.answer), step.result, self.parameters)
         recorded = EndReason(self.episode.end_reason)
+        if len(self.goals) > 1:
+            self._add_leg(spent, recorded, begin, self.final.pose if self.final else before)
+            yield from self._legs()
         if recorded == reason or recorded is EndReason.INTERRUPTED:
             return
         if reason is None:
@@ -122,6 +145,37 @@ class _EpisodeCheck:
             reason is EndReason.STOP and recorded is EndReason.SENSOR_LOST and self.final is None
         ):
             yield self._cell("end_reason", f"{recorded}, and the steps end with {reason}")
+
+    def _add_leg(self, spent: Spent, reason: EndReason, begin: Pose | None, end: Pose | None) -> None:
+        """Judge a goal of a sequence again."""
+        site, profile, goal = self.condition.site, self.condition.profile, self.goals[len(self.legs)]
+        if site is None or profile is None or begin is None:
+            raise ValueError("its site, robot or start is invalid")
+        at = Fix(end, self.final.source if self.final else PoseSource.SIMULATED) if end is not None else None
+        distance = None if at is None else distance_to_goal(site, goal, at, self.parameters)
+        shortest_m = free_space(site, profile.base.radius_m).geodesic_to_goal_m(begin, goal, self.parameters)
+        verdict = judge(reason, spent.actions, distance, self.parameters)
+        memory = not self.legs or (len(self.recorded) > len(self.legs) and self.recorded[len(self.legs)].memory)
+        self.legs.append(leg_of(len(self.legs) + 1, goal, verdict, spent, shortest_m, memory=memory))
+
+    def _legs(self) -> Iterator[Finding]:
+        """Compare the goals of a sequence with those judged again; of a real robot, only the last pose is recorded."""
+        if len(self.recorded) != len(self.legs):
+            yield self._cell("legs", f"{len(self.recorded)} goals, and the steps have {len(self.legs)}")
+            return
+        for recorded, expected in zip(self.recorded, self.legs, strict=True):
+            for name, value in asdict(expected).items():
+                measured = name in ("success", "distance_m", "goal_instance")
+                if measured and not self.condition.is_simulated_here and expected is not self.legs[-1]:
+                    continue
+                found = getattr(recorded, name)
+                close = isinstance(value, float) and isinstance(found, float)
+                if not (
+                    math.isclose(value, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE) if close else found == value
+                ):
+                    yield self._cell(
+                        "legs", f"{name} of goal {expected.position} is {found}, and the steps give {value}"
+                    )
 
     def _after(self, spent: Spent, step: StepRecord, before: Pose | None) -> Spent:
         result, world = step.result, self._world(step)
@@ -167,6 +221,8 @@ class _EpisodeCheck:
         if self.condition.is_simulated_here and self.final is not None and self.final.pose != poses[-1]:
             yield self._cell("final_x_m", "the final pose is not that after the last step")
         site, profile = self.condition.site, self.condition.profile
+        if len(self.goals) > 1:  # each goal has its own
+            return
         if site is None or profile is None or not targets_of(site, self.episode.goal):
             return
         space, goal = free_space(site, profile.base.radius_m), self.episode.goal
@@ -201,9 +257,14 @@ class _EpisodeCheck:
         if self.final is not None:
             if self.condition.site is None:
                 raise ValueError("its site is invalid")
-            distance = distance_to_goal(self.condition.site, self.episode.goal, self.final, self.parameters)
+            goal = self.goals[max(len(self.legs) - 1, 0)]
+            distance = distance_to_goal(self.condition.site, goal, self.final, self.parameters)
             yield from self._distances("episode", self.episode, distance, "distance_to_goal_m")
-        expected = judge(reason, self.episode.actions, distance, self.parameters)
+        actions = self.legs[-1].actions if self.legs else self.episode.actions
+        expected = judge(reason, actions, distance, self.parameters)
+        if self.legs:
+            earlier = [leg.success for leg in self.recorded[:-1]]
+            expected = judge_sequence(earlier, expected, len(self.goals))
         yield from self._against(given, expected)
         if self.condition.is_simulated_here and given.source == "protocol" and given.proposed:
             yield cell("verdict", given.id, "proposed", "a simulated episode needs no confirmation")

@@ -126,6 +126,8 @@ def task_text(episode: Episode) -> str:
         return f"find {episode.goal_text}"
     if episode.goal_kind == GoalKind.IMAGE:
         return f"find what the photograph {episode.goal} shows"
+    if episode.goal_kind in (GoalKind.POINT, GoalKind.ROUTE, GoalKind.SEQUENCE):
+        return f"go to {GoalKind(episode.goal_kind)} {episode.goal}"
     words = (episode.goal_text or episode.goal).replace("_", " ")
     return f"find {'an' if words[:1].lower() in 'aeiou' else 'a'} {words}"
 

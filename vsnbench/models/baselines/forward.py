@@ -39,6 +39,9 @@ class ForwardUntilBlocked(Policy):
         self._turn: Action | None = None
         self._turns_left = 0
 
+    def next_goal(self, goal: str) -> None:
+        """Go on: it does not search."""
+
     def act(self, observation: Observation) -> Decision:
         """Return MOVE_FORWARD if the depth image and the last move allow it, else a turn."""
         did_not_move = self._before_move is not None and observation.pose.distance_to(self._before_move) < _NO_MOTION_M

@@ -74,6 +74,10 @@ class Oracle(Policy):
         self._goal = goal.id if isinstance(goal, Goal) else goal
         self._forget()
 
+    def next_goal(self, goal: str) -> None:
+        """Plan towards the next goal."""
+        self.reset(goal, 0)
+
     def act(self, observation: Observation) -> Decision:
         """Return the next action of the plan, which is renewed if the last move or odometry contradicts it.
 

@@ -23,6 +23,9 @@ class RandomWalk(Policy):
         """Start an episode. The sequence of actions follows from `seed`."""
         self._random = np.random.default_rng(seed)
 
+    def next_goal(self, goal: str) -> None:
+        """Go on: it does not search."""
+
     def act(self, observation: Observation) -> Decision:  # noqa: ARG002 - it uses no sensor
         """Return one of STOP, MOVE_FORWARD, TURN_LEFT, TURN_RIGHT, each with probability 1/4."""
         share = 1 / len(_ACTIONS)

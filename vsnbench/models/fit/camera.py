@@ -110,6 +110,10 @@ class CroppedPolicy(Policy):
         camera = part_of(task.robot.camera, self._crop.width, self._crop.height)  # with the mount of the task
         self._policy.begin(replace(task, robot=replace(task.robot, camera=camera)))
 
+    def next_goal(self, goal: str) -> None:
+        """Pass the next goal of a sequence on."""
+        self._policy.next_goal(goal)
+
     def act(self, observation: Observation) -> Decision:
         """Return the decision for the cropped observation, with pixels and boxes of the robot's image."""
         camera = observation.camera

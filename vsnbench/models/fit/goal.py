@@ -3,8 +3,9 @@
 from vsnbench.models.contract import ModelCard
 from vsnbench.sites.categories import canonical_category
 from vsnbench.sites.site import Site
-from vsnbench.sites.targets import describe_goal, kind_of
+from vsnbench.sites.targets import describe_goal, kind_of, legs_of
 from vsnbench.values.goal import Goal, GoalKind
+from vsnbench.values.pose import Pose
 
 
 def word_for(card: ModelCard, category: str) -> str:
@@ -15,8 +16,15 @@ def word_for(card: ModelCard, category: str) -> str:
 
 
 def misfit(card: ModelCard, site: Site, name: str) -> str:
-    """Return why a model cannot take a goal of a site, and what would fit; empty if it can take it."""
+    """Return why a model cannot take a goal of a site, and what would fit; empty if it can take it.
+
+    A model takes a sequence if it takes each of its goals. `sequence` on its card only says that it keeps its memory.
+    """
     kind = kind_of(site, name)
+    if kind is GoalKind.SEQUENCE:
+        found = (misfit(card, site, leg) for leg in legs_of(site, name))
+        problem = next(filter(None, found), "")
+        return problem and f"sequence {name}: {problem}"
     kinds = card.goal_kinds
     as_words = kind is GoalKind.CATEGORY and kind not in kinds and GoalKind.TEXT in kinds
     if kind not in kinds and not as_words:
@@ -27,8 +35,8 @@ def misfit(card: ModelCard, site: Site, name: str) -> str:
     return ""
 
 
-def goal_for(card: ModelCard, site: Site, name: str) -> Goal:
-    """Return a goal of a site as the policy with this card receives it.
+def goal_for(card: ModelCard, site: Site, name: str, start: Pose) -> Goal:
+    """Return a goal of a site as the policy with this card receives it, in an episode that began at a pose.
 
     A model of text goals receives the words of a category, and a model with another name for a category that name.
     Nothing else is converted.
@@ -36,7 +44,7 @@ def goal_for(card: ModelCard, site: Site, name: str) -> Goal:
     Raises:
         SiteError: the photograph of an image goal is not available (`no-goal-image`).
     """
-    goal = describe_goal(site, name)
+    goal = describe_goal(site, name, start)
     if goal.kind is not GoalKind.CATEGORY:
         return goal
     if GoalKind.CATEGORY not in card.goal_kinds and GoalKind.TEXT in card.goal_kinds:

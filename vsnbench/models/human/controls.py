@@ -62,6 +62,8 @@ class View:
     """JPEG of an image goal."""
     success_distance_m: float | None = None
     """Distance to the goal below which STOP is a success; None if the driver is not told."""
+    leg: int = 1
+    """Number of the goal in its sequence."""
     picture: int = 0
     """Number of the newest picture in this session."""
     budget: Budget = NO_LIMITS
@@ -176,7 +178,12 @@ class Controls:
                 code="no-driver-page",
             )
         self.refused, trial = False, self.view.trial + 1
-        self._renew(View(Phase.READY, trial, goal, photo, success_distance_m, self.view.picture)).get()
+        self._renew(View(Phase.READY, trial, goal, photo, success_distance_m, picture=self.view.picture)).get()
+
+    def show_goal(self, goal: str, photo: bytes | None = None) -> None:
+        """Show the next goal of the trial."""
+        self.refused = False
+        self._renew(replace(self.view, goal=goal, photo=photo, leg=self.view.leg + 1))
 
     def ask(self, picture_jpeg: bytes, budget: Budget) -> Action:
         """Show a picture, and return the action that the driver chooses.

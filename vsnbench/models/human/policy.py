@@ -25,7 +25,7 @@ class Human(Policy):
 
     card = ModelCard(
         HUMAN,
-        goal_kinds=frozenset(GoalKind),
+        goal_kinds=frozenset(GoalKind) - {GoalKind.POINT, GoalKind.ROUTE},
         sensors=frozenset({Sensor.RGB}),
         action_kinds=frozenset({ActionKind.DISCRETE}),
         deterministic=False,
@@ -74,7 +74,7 @@ class Human(Policy):
             ModelError: no page serves the controls.
         """
         del seed
-        self._offer(goal, None)
+        self.controls.offer_trial(*_shown(goal))
 
     def begin(self, task: Task) -> None:
         """Offer the trial with the rule of success, and return when the driver begins it.
@@ -82,7 +82,11 @@ class Human(Policy):
         Raises:
             ModelError: no page serves the controls.
         """
-        self._offer(task.goal, task.protocol.success_distance_m)
+        self.controls.offer_trial(*_shown(task.goal), task.protocol.success_distance_m)
+
+    def next_goal(self, goal: str) -> None:
+        """Show the driver the next goal of a sequence."""
+        self.controls.show_goal(*_shown(goal))
 
     def act(self, observation: Observation) -> Decision:
         """Return the action that the driver chooses for the camera image.
@@ -100,7 +104,8 @@ class Human(Policy):
         """Show the driver that the session is over."""
         self.controls.close()
 
-    def _offer(self, goal: str, success_distance_m: float | None) -> None:
-        image = goal.image if isinstance(goal, Goal) else None
-        words = goal.text if isinstance(goal, Goal) else goal
-        self.controls.offer_trial(words, None if image is None else encode_jpeg(image), success_distance_m)
+
+def _shown(goal: str) -> tuple[str, bytes | None]:
+    """Return the words of a goal, and its photograph as JPEG if it has one."""
+    image = goal.image if isinstance(goal, Goal) else None
+    return goal.text if isinstance(goal, Goal) else goal, None if image is None else encode_jpeg(image)

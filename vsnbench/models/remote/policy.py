@@ -16,7 +16,7 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote.card import card_of
 from vsnbench.models.remote.connection import Connection, ServerAnswer
 from vsnbench.models.remote.peer import Address, ModelBusyError
-from vsnbench.models.remote.reset_message import reset_message
+from vsnbench.models.remote.reset_message import next_goal_message, reset_message
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.models.task import Task
 from vsnbench.settings.yaml_file import read_settings
@@ -144,6 +144,15 @@ class RemotePolicy(Policy):
         connection = self._connected()
         request = reset_message(goal, seed, task)
         self._ask(connection, request, "ready", self.settings.reset_timeout_s)
+
+    def next_goal(self, goal: str) -> None:
+        """Send the next goal of a sequence.
+
+        Raises:
+            ModelLostError: no answer in time.
+            ModelError: the model failed.
+        """
+        self._ask(self.connection, next_goal_message(goal), "ready", self.settings.reset_timeout_s)
 
     def act(self, observation: Observation) -> Decision:
         """Send the sensors on the card and return the model's decision.

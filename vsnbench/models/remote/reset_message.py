@@ -1,8 +1,11 @@
-"""Encodes the goal and the task of a `reset` request (docs/wire.md)."""
+"""Encodes the goal and the task of a `reset` or `next_goal` request (docs/wire.md)."""
 
 import hashlib
 from dataclasses import asdict
 from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
 
 from vsnbench.models.task import Task
 from vsnbench.values.goal import Goal
@@ -16,8 +19,7 @@ PROTOCOL_FIELDS: Final = (
 def reset_message(goal: str, seed: int, task: Task | None) -> dict[str, Any]:
     """Return a `reset` request without its number."""
     opaque = hashlib.sha256(f"{goal}/{seed}".encode()).hexdigest()[:16]
-    message: dict[str, Any] = {"type": "reset", "episode": opaque, "goal": str(goal), "seed": seed}
-    message["goal_fields"] = _goal_fields(goal if isinstance(goal, Goal) else Goal(goal))
+    message: dict[str, Any] = {"type": "reset", "episode": opaque, "seed": seed, **_goal(goal)}
     if task is not None:
         robot = {**asdict(task.robot), "camera": task.robot.camera.model_dump(mode="json")}
         protocol = {name: getattr(task.protocol, name) for name in PROTOCOL_FIELDS}
@@ -25,9 +27,23 @@ def reset_message(goal: str, seed: int, task: Task | None) -> dict[str, Any]:
     return message
 
 
-def _goal_fields(goal: Goal) -> dict[str, Any]:
-    fields: dict[str, Any] = {"id": goal.id, "kind": goal.kind.value, "text": goal.text, "category": goal.category}
-    if goal.image is not None:
-        height, width = goal.image.shape[:2]
-        fields["image"] = {"encoding": "raw", "height": height, "width": width, "data": goal.image.tobytes()}
-    return fields
+def next_goal_message(goal: str) -> dict[str, Any]:
+    """Return a `next_goal` request without its number."""
+    return {"type": "next_goal", **_goal(goal)}
+
+
+def _goal(goal: str) -> dict[str, Any]:
+    whole = goal if isinstance(goal, Goal) else Goal(goal)
+    fields: dict[str, Any] = {name: str(getattr(whole, name)) for name in ("id", "kind", "text", "category")}
+    if whole.image is not None:
+        fields["image"] = _photograph(whole.image)
+    if whole.images:
+        fields["images"] = [_photograph(image) for image in whole.images]
+    if whole.point is not None:
+        fields["point"] = list(whole.point)
+    return {"goal": str(goal), "goal_fields": fields}
+
+
+def _photograph(image: npt.NDArray[np.uint8]) -> dict[str, Any]:
+    height, width = image.shape[:2]
+    return {"encoding": "raw", "height": height, "width": width, "data": image.tobytes()}

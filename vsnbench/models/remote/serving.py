@@ -67,6 +67,12 @@ class ServedPolicy:
         with _exits_as_errors():
             self._policy.begin(received)
 
+    def next_goal(self, goal: wire.Goal) -> None:
+        """Pass the next goal of a sequence on."""
+        received = _goal(goal)
+        with _exits_as_errors():
+            self._policy.next_goal(received)
+
     def act(self, given: wire.Observation) -> dict[str, Any]:
         """Return the decision as a message."""
         with _exits_as_errors():
@@ -117,7 +123,15 @@ def _answer(decision: object) -> dict[str, Any] | Exception:
 
 
 def _goal(goal: wire.Goal) -> Goal:
-    return Goal(goal.id or str(goal), GoalKind(goal.kind), text=goal.text, category=goal.category, image=goal.image)
+    return Goal(
+        goal.id or str(goal),
+        GoalKind(goal.kind),
+        text=goal.text,
+        category=goal.category,
+        image=goal.image,
+        images=goal.images,
+        point=goal.point,
+    )
 
 
 def _task(given: wire.Task) -> Task:

@@ -69,7 +69,10 @@ TILTS = ("LOOK_UP", "LOOK_DOWN")
 """No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
-GOAL_KINDS = ("category", "text", "image", "instruction")
+GOAL_KINDS = ("category", "text", "image", "instruction", "point", "route", "sequence")
+MAX_PHOTOGRAPHS = 100
+POINT_GOAL = "pointgoal_with_gps_compass"
+"""Habitat's name of a point in the robot's frame."""
 _GOAL_TEXTS = ("id", "kind", "text", "category")
 CAMERA_ROLES = ("front", "left", "right", "rear")
 MAX_HISTORY = 50
@@ -117,10 +120,11 @@ class Camera(Facts):
 
 
 class Goal(str):
-    """The goal as a string, with `id`, `kind` (category, text, image or instruction), `text`, `category` and `image`.
+    """The goal as a string, with `id`, `kind`, `text`, `category`, `image`, `images` and `point`.
 
-    The string is the category, or the words of a text or instruction goal, or the id of an image goal. image: (H, W, 3)
-    uint8 RGB of an image goal, else None.
+    kind: category, text, image, instruction, point or route. The string is the category, or the words of a text or
+    instruction goal, or the id of another one. image: (H, W, 3) uint8 RGB of an image goal, else None. images: those of
+    a route, in order, else empty. point: (x, y) in metres in the frame of the start, of a point goal, else None.
     """
 
     id: str
@@ -128,10 +132,12 @@ class Goal(str):
     text: str
     category: str
     image: Any
+    images: Any
+    point: Any
 
     @staticmethod
     def of(message: dict[str, Any]) -> "Goal":
-        """Return the goal of a `reset` message.
+        """Return the goal of a `reset` or `next_goal` message.
 
         Raises:
             WireError: the message is invalid.
@@ -142,11 +148,21 @@ class Goal(str):
             raise WireError("`goal_fields` must be a mapping with texts")
         goal.id, goal.kind = fields.get("id") or str(goal), fields.get("kind") or "category"
         goal.text, goal.category = fields.get("text") or "", fields.get("category") or ""
-        if goal.kind not in GOAL_KINDS:
+        if goal.kind not in GOAL_KINDS or goal.kind == "sequence":
             raise WireError(f"no goal is of kind {goal.kind!r:.20}")
         if goal.kind == "category":
             goal.category = goal.category or str(goal)
         goal.image = None if fields.get("image") is None else _rgb_of(fields["image"])
+        images, goal.point = fields.get("images") or [], fields.get("point")
+        if not isinstance(images, list) or len(images) > MAX_PHOTOGRAPHS:
+            raise WireError(f"`goal_fields.images` must be an array of at most {MAX_PHOTOGRAPHS} photographs")
+        goal.images = tuple(_rgb_of(image) for image in images)
+        if goal.point is not None:
+            if not isinstance(goal.point, list) or len(goal.point) != 2 or not all(map(_is_finite, goal.point)):
+                raise WireError("`goal_fields.point` must be [x, y] in metres")
+            goal.point = tuple(map(float, goal.point))
+        if (goal.kind == "point") != (goal.point is not None) or (goal.kind == "route") != bool(goal.images):
+            raise WireError("a point needs `point`, and a route `images`; no other goal has them")
         return goal
 
 
@@ -394,6 +410,8 @@ class _Model:
             )
         self.batch, self.sessions = batch, sessions
         self.card = checked_card(first)
+        if self.batches and "sequence" in self.card["goal_kinds"]:
+            raise ValueError("a policy with act_batch begins again at each goal: leave sequence out of goal_kinds")
         if batch > 1:
             self.card["deterministic"] = False
             self.card["runs_on"]["batch"] = batch
@@ -435,6 +453,11 @@ class _Model:
                 policy.reset(goal, seed)
 
         return self._asked(_Request(session, call, None, connection))
+
+    def next_goal(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
+        """Give the next goal of a sequence to a policy that keeps its memory."""
+        goal = Goal.of(message)
+        return self._asked(_Request(session, lambda: session.policy.next_goal(goal), None, connection))
 
     def act(self, session: _Session, message: dict[str, Any], connection: Any) -> _Request:
         """Return the request with the policy's answer to an observation."""
@@ -536,6 +559,8 @@ def checked_card(policy: Any) -> dict[str, Any]:
     if not isinstance(name, str) or not name.strip():
         raise ValueError("the model's card needs a name: card = {'name': 'mymodel', 'sensors': ['rgb']}")
     _known(given, _CARD_FIELDS, "fields on the card")
+    if "sequence" in map(_value, given.get("goal_kinds") or ()) and not callable(getattr(policy, "next_goal", None)):
+        raise ValueError("goal_kinds has sequence, so the model keeps its memory: it needs a method next_goal(goal)")
     goals = given.get("goals")
     own_process = {"host": platform.node(), "python": platform.python_version()}
     return {
@@ -588,11 +613,15 @@ def _camera(given: Any) -> Any:
 
 def _known(given: Iterable[Any], known: Iterable[str], what: str) -> list[str]:
     """Return sorted names. Raises ValueError if one of them is not known."""
-    names = sorted(str(getattr(item, "value", item)) for item in given)
+    names = sorted(map(_value, given))
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError("unknown {}: {}; known: {}".format(what, ", ".join(unknown), ", ".join(known)))
     return names
+
+
+def _value(item: Any) -> str:
+    return str(getattr(item, "value", item))
 
 
 def _action_map(given: Any) -> dict[str, str]:
@@ -799,13 +828,14 @@ def _answer_until_bye(connection: Any, model: _Model, session: _Session) -> None
         if isinstance(number, bool) or not isinstance(number, int):
             raise WireError(f"{kind!r:.20} without a `seq`")
         try:
-            if kind not in ("reset", "act"):
+            calls = {"reset": model.begin, "next_goal": model.next_goal, "act": model.act}
+            if kind not in calls:
                 raise WireError(f"no message {kind!r:.20} in the protocol")
-            request = (model.begin if kind == "reset" else model.act)(session, message, connection)
+            request = calls[kind](session, message, connection)
             if request.error is not None:
                 raise request.error
-            answer: dict[str, Any] = {} if kind == "reset" else decision_of(request.answer)
-            answer["type"] = "ready" if kind == "reset" else "decision"
+            answer: dict[str, Any] = decision_of(request.answer) if kind == "act" else {}
+            answer["type"] = "decision" if kind == "act" else "ready"
             answer.update(seq=number, seconds=request.seconds, queued=request.waited, batch=request.together)
             connection.send(pack(answer))
         except ConnectionClosed:
@@ -1019,8 +1049,9 @@ class HabitatAgent:
     """Any Habitat `Agent` (`reset()`, `act(observations)`) as a policy.
 
     The agent gets `rgb` (H, W, 3) uint8, `depth` (H, W, 1) float32 normalised to [0, 1], `gps` (2,) float32,
-    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8, or
-    `instruction`, a dict with `text`. It returns a number of `actions`, the name of an action, or a dict with `action`;
+    `compass` (1,) float32 in [-pi, pi], and its goal: `objectgoal` (1,) int64, `imagegoal` (H, W, 3) uint8,
+    `instruction`, a dict with `text`, or `pointgoal_with_gps_compass` (2,) float32, the distance in metres and the
+    angle to the left in radians. It returns a number of `actions`, the name of an action, or a dict with `action`;
     `action_args` are ignored, because no action here has any.
     """
 
@@ -1044,13 +1075,14 @@ class HabitatAgent:
     }
     """Goal ids and action numbers are those of HM3D ObjectNav in habitat-lab. `gps` is habitat's (forward, right) or
     `forward-left`. `actions` can map LOOK_UP and LOOK_DOWN (4, 5) to NOOP or to a movement of the robot. `goal` is
-    `objectgoal`, `imagegoal` or `instruction`. `resize` is the length of the shorter edge in pixels or [height, width],
-    by the mean of areas; `crop` is [height, width] of the middle, after that. `intrinsics` adds (3, 3) float32 of the
-    resulting images."""
+    `objectgoal`, `imagegoal`, `instruction` or `pointgoal_with_gps_compass`. `resize` is the length of the shorter edge
+    in pixels or [height, width], by the mean of areas; `crop` is [height, width] of the middle, after that.
+    `intrinsics` adds (3, 3) float32 of the resulting images."""
     GOALS: ClassVar[dict[str, list[str]]] = {
         "objectgoal": ["category"],
         "imagegoal": ["image"],
         "instruction": ["instruction", "text"],
+        POINT_GOAL: ["point"],
     }
     """Kinds of goals by the name of the agent's observation."""
 
@@ -1079,6 +1111,8 @@ class HabitatAgent:
         """Start an episode, and seed the random number generators."""
         if self.settings["goal"] == "imagegoal":
             self._goal, _ = self._framed(goal.image)  # type: ignore[attr-defined]
+        elif self.settings["goal"] == POINT_GOAL:
+            self._goal = goal.point  # type: ignore[attr-defined]
         elif self.settings["goal"] == "instruction":
             self._goal = {"text": getattr(goal, "text", "") or str(goal)}
         elif goal in self.settings["goals"]:
@@ -1122,6 +1156,8 @@ class HabitatAgent:
             right = 1.0 if self.settings["gps"] == "forward-left" else -1.0
             found["gps"] = np.array([observation.pose.x_m, right * observation.pose.y_m], np.float32)
             compass = np.float32(math.remainder(observation.pose.heading_rad, math.tau))
+            if self.settings["goal"] == POINT_GOAL:
+                found[POINT_GOAL] = _polar(self._goal, observation.pose)
             found["compass"] = np.clip(np.array([compass], np.float32), -_COMPASS_LIMIT, _COMPASS_LIMIT)
         return found
 
@@ -1165,6 +1201,13 @@ def _area_mean(image: Any, count: int, axis: int) -> Any:
     sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
     widths = (end - begin).reshape(-1, *[1] * (rows.ndim - 1))
     return np.moveaxis((sums[end] - sums[begin]) / widths, 0, axis)
+
+
+def _polar(point: Any, pose: Pose) -> Any:
+    """Return the distance of a point in metres, and its angle to the left of where the robot faces in radians."""
+    ahead_m, left_m = point[0] - pose.x_m, point[1] - pose.y_m
+    angle_rad = math.remainder(math.atan2(left_m, ahead_m) - pose.heading_rad, math.tau)
+    return np.array([math.hypot(ahead_m, left_m), angle_rad], np.float32)
 
 
 def _intrinsics(camera: Camera, scale: Any, corner: Any) -> Any:

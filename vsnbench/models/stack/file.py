@@ -195,8 +195,8 @@ class Stack(BaseModel):
             raise ValueError("`arrived: exit_code` is that of the command of `announce`, and there is none")
         if self.arrived.way == "action" and self.announce.way != "action":
             raise ValueError("`arrived: action` is the end of the action of `announce`, and there is none")
-        if GoalKind.IMAGE in self.goal_kinds:
-            raise ValueError("`goal_kinds`: a stack takes no photographs: category, text or instruction")
+        if self.goal_kinds - {GoalKind.CATEGORY, GoalKind.TEXT, GoalKind.INSTRUCTION}:
+            raise ValueError("`goal_kinds`: a stack is told words only: category, text or instruction")
         return self
 
     @property

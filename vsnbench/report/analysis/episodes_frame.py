@@ -159,6 +159,8 @@ class ReportData:
     results_directory: Path | None = None
     goals: Mapping[str, RecordedGoal] = field(default_factory=dict)
     """Definitions of the goals that are not categories, by the name in the column `goal`."""
+    legs: Sequence[Mapping[str, Any]] = ()
+    """Positions of the goals in the sequences of each condition (`tables.progress.LEGS`)."""
     courses: "pd.DataFrame | None" = None
     """Measures of the examined episodes (`courses.measure_courses`); None until they are measured."""
 

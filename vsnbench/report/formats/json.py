@@ -28,7 +28,7 @@ from vsnbench.report.tables.activity import ACTIONS, ENDS, ODOMETRY, ROBOTS, end
 from vsnbench.report.tables.comparison import COMPARISON
 from vsnbench.report.tables.conditions import CONDITION
 from vsnbench.report.tables.failures import FAILURES, JUDGEMENTS
-from vsnbench.report.tables.progress import COURSES
+from vsnbench.report.tables.progress import COURSES, LEGS
 from vsnbench.report.tables.question import QUESTION
 from vsnbench.report.tables.ranking import RANKING
 from vsnbench.report.tables.second_judgements import RATERS
@@ -54,6 +54,13 @@ class ConditionRow:
     def only(self, name: str) -> Mapping[str, Any] | None:
         """Return the condition's row of `Activity`; None without one."""
         return next(iter(self.counted(name) or ()), None)
+
+    @property
+    def legs(self) -> Rows:
+        """The positions in the condition's sequences; none for published results."""
+        if self.record is None or self.summary.condition.published:
+            return ()
+        return [row for row in self.record.legs if row["condition"] == self.summary.condition.number]
 
     @property
     def part(self) -> tuple[ReportData, ConditionSummary] | None:
@@ -121,6 +128,13 @@ MODEL = Measures.shared(
         "stages and driven paths",
         lambda row: row.only("courses"),
         null=f"without counted episodes, {_UNLESS}",
+    ),
+    Measure(
+        "sequences",
+        objects(LEGS),
+        "success by position in a sequence of goals, and of whole sequences",
+        lambda row: row.legs or None,
+        only_in="records with sequences",
     ),
 )
 """The JSON object of a condition, from a `ConditionRow`."""

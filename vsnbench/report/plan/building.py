@@ -9,7 +9,7 @@ import shapely
 
 from vsnbench.report.plan.furniture import NOT_DRAWN
 from vsnbench.report.plan.ink import INK, Ink
-from vsnbench.sites.geometry.walls import doorway, wall_area, walls_of
+from vsnbench.sites.geometry.walls import wall_area, walls_of
 from vsnbench.sites.site import Door, Room, Site, Window
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def _draw_walls(axes: "Axes", site: Site) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
-    ends = [(door.start, door.end) for door in site.doors]
-    ends += [(window.start, window.end) for window in site.windows]
-    solid = wall_area(site).difference(shapely.union_all([doorway(*end) for end in ends]))
+    solid = wall_area(site).difference(shapely.union_all([cut.opening for cut in (*site.doors, *site.windows)]))
     for part in shapely.get_parts(solid):
         rings = [Outline(list(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*rings)
@@ -79,7 +77,7 @@ def _draw_window(ink: Ink, site: Site, window: Window) -> None:
 
 
 def _draw_door(ink: Ink, site: Site, door: Door) -> None:
-    opening, length = _opening(site, door.start, door.end), door.clear_width_m
+    opening, length = _opening(site, door.start, door.end), door.length_m
     half = opening.half_m
     if door.closed:
         sill = opening.rectangle((0, length), (-half, half))
@@ -101,7 +99,7 @@ def name_room(axes: "Axes", site: Site, room: Room) -> None:
     busy += [wall.shape for wall in site.walls]
     busy += [shapely.Point(start.position).buffer(0.3) for start in site.starts]
     for door in site.doors:
-        busy.append(door.centre_line.buffer(door.clear_width_m + 0.05, cap_style="flat"))
+        busy.append(door.centre_line.buffer(door.length_m + 0.05, cap_style="flat"))
     x_min, y_min, x_max, y_max = room.shape.bounds
     xs, ys = np.meshgrid(np.arange(x_min, x_max, 0.1), np.arange(y_min, y_max, 0.1))
     xs, ys = xs.ravel(), ys.ravel()

@@ -1,6 +1,7 @@
-"""Tables of progress, stages and courses, and of the places of failures."""
+"""Tables of progress, stages and courses, of sequences, and of the places of failures."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import shapely
 
@@ -11,7 +12,7 @@ from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailurePlace
 from vsnbench.report.analysis.summary import ReportResults
-from vsnbench.report.measures import COUNT, COUNTS, TEXT, Form, Measure, Measures, decimals, percents
+from vsnbench.report.measures import COUNT, COUNTS, FLAG, TEXT, Form, Measure, Measures, decimals, percents, rates
 from vsnbench.report.table import ReportTable, TableCell, without_empty_columns
 from vsnbench.report.tables.activity import MODEL
 from vsnbench.report.tables.success import SUMMARY
@@ -98,6 +99,37 @@ def _measures(results: ReportResults, courses: Rows) -> ReportTable:
     names = footnotes([by_number[course["condition"]].condition for course in courses])
     title = "Progress, furthest stage and course"
     return without_empty_columns(COURSES.table("progress", title, rows, notes=tuple(notes), footnotes=names))
+
+
+def _position(row: Mapping[str, Any]) -> str:
+    return "whole sequence" if row["position"] is None else f"goal {row['position']}"
+
+
+LEGS = Measures(
+    MODEL,
+    Measure("position", COUNT, "position of the goal in the sequence, from 1", null="for whole sequences"),
+    Measure("", TEXT, of=_position, heading="position"),
+    *rates("rate", lambda _: None)[:-1],
+    Measure(
+        "given", COUNT, "number of episodes in which the goal was given; otherwise it is a failure", heading="given"
+    ),
+    Measure("spl", decimals(3), "success weighted by path length, from where the goal was given", heading="SPL"),
+    Measure("mean_actions", decimals(1), "mean number of actions, where it was given", heading="actions", rank=1),
+    Measure("memory", FLAG, "the model kept its memory of earlier goals, where it was given"),
+)
+"""Measures of a position in a condition's sequences, and of whole sequences."""
+
+
+def sequence_table(results: ReportResults, legs: Rows) -> ReportTable:
+    """Return the table of success by position in the sequence, and of whole sequences."""
+    by_number = {summary.condition.number: summary.condition for summary in results.conditions}
+    rows = [{**row, "model": by_number[row["condition"]].name} for row in legs]
+    begun = sorted({row["model"] for row in rows if not row["memory"]})
+    notes = [f"{name} begins again at each goal." for name in begun]
+    notes.append("Goals as the protocol judged them. Goals differ in difficulty: compare models, or vary their order.")
+    names = footnotes([by_number[number] for number in dict.fromkeys(row["condition"] for row in legs)])
+    title = "Sequences, by position of the goal"
+    return LEGS.table("sequences", title, rows, notes=tuple(notes), footnotes=names)
 
 
 _EPISODES = Form({}, lambda episodes: TableCell(", ".join(map(str, episodes)), links=episodes), number=False)

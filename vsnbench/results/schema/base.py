@@ -49,4 +49,5 @@ class TableBase(DeclarativeBase):
         datetime: UtcDateTime,
         dict[str, Any]: JsonValue,
         list[str]: JsonValue,
+        list[Any]: JsonValue,
     }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -169,6 +169,7 @@ def episode_end_row(end: EpisodeEnd) -> Row:
         **_distance_columns(end.verdict, "distance_to_goal_m"),
         **pose_columns("final", end.final.pose if end.final else None),
         "final_source": end.final.source.value if end.final else None,
+        "legs": [asdict(leg) for leg in end.legs] or None,
     }
 
 

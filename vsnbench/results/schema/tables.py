@@ -214,9 +214,8 @@ class EpisodeRow(TableBase):
     actions: Mapped[int]
     path_length_m: Mapped[float | None]
     geodesic_start_m: Mapped[float | None]
-    """Geodesic distance from the start to the region in which the goal counts as reached."""
     geodesic_end_m: Mapped[float | None]
-    """Geodesic distance from the end to that region."""
+    """Geodesic distances from start and end to the region in which the goal counts as reached; NULL for a sequence."""
     duration_s: Mapped[float | None]
     """On the robot's clock."""
     wall_duration_s: Mapped[float | None]
@@ -240,6 +239,8 @@ class EpisodeRow(TableBase):
     final_source: Mapped[str | None]
     images_directory: Mapped[str]
     """Relative to the results directory; empty without images."""
+    legs: Mapped[list[Any] | None]
+    """Goals of a sequence that were given, in order (`results.writing.entries.Leg`); NULL for another goal."""
 
 
 class StepRow(TableBase):

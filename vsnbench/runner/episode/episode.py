@@ -2,14 +2,16 @@
 
 import logging
 import time
+from dataclasses import replace
 from typing import Protocol
 
 from vsnbench.errors import ModelLostError, NotPlacedError, RobotError, SensorLostError
 from vsnbench.models.contract import Policy
 from vsnbench.models.task import task_of
-from vsnbench.protocol.judge import EndReason, GoalDistance, distance_to_goal, judge
+from vsnbench.protocol.free_space import free_space
+from vsnbench.protocol.judge import EndReason, GoalDistance, distance_to_goal, judge, judge_sequence
 from vsnbench.protocol.limits import Spent
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeEnd, Leg, leg_of
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.continuous import ContinuousStepper
@@ -20,8 +22,10 @@ from vsnbench.runner.episode.stop_measurement import StopMeasurement
 from vsnbench.runner.operator.placing import PlacementLook, Placing
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, Stopped, StopRequest, StopRequests
 from vsnbench.sites.site import StartingPosition
+from vsnbench.sites.targets import legs_of
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.observation import Sensor
+from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
 
@@ -118,8 +122,11 @@ def run_episode(
     stepper: Stepper | None = None
     looks: StopMeasurement | None = None
     error = ""
+    base = robot.identity.profile.base
+    goals, legs = legs_of(plan.site, plan.goal), list[Leg]()
+    leg, leg_from, actions = replace(plan, goal=goals[0]), Pose(0.0, 0.0), 0
     try:
-        get_ready(robot.identity.profile.camera, robot.identity.profile.base, plan.parameters.depth_guard)
+        get_ready(robot.identity.profile.camera, base, plan.parameters.depth_guard)
         here, placed = _place_at_start(robot, plan, recorder, operator, stop)
         recorder.begin(plan, here, placed)
         recording = True
@@ -127,18 +134,18 @@ def run_episode(
         with stop.interruptible():
             view = PolicyView(plan.disturbances, robot, plan.seed)
             profile = robot.identity.profile.model_copy(update={"camera": view.camera})
-            task = task_of(plan.goal, plan.seed, plan.parameters, profile)
-            calls.begin(plan.site, here.pose, task, plan.parameters, robot.identity.profile.base)
+            task = task_of(leg.goal, plan.seed, plan.parameters, profile)
+            calls.begin(plan.site, here.pose, task, plan.parameters, base)
         if calls.announcement:
             operator.show_message(calls.announcement)
         reason: EndReason | None = None
-        looks = _stop_measurement(robot, plan, here, placed)
+        looks, leg_from = _stop_measurement(robot, leg, here, placed), here.pose
         stepper_class = Stepper if plan.parameters.execution is None else ContinuousStepper
         stepper = stepper_class(robot, calls, view, plan, here, stop)
         while reason is None:
             step, reason = stepper.take(spent, here)
             recorder.step(step)
-            spent, here = step.spent, step.site_after
+            spent, here, actions = step.spent, step.site_after, step.index
             if looks is not None:
                 looks.look(step.observation)
             operator.step_taken(plan, step)
@@ -153,8 +160,24 @@ def run_episode(
                 where = looks.whereabouts(robot.observe())
                 recorder.event("whereabouts", where)
                 operator.show_where(where)
+            if reason is not None and reason.ends_leg and len(legs) + 1 < len(goals):
+                end = _judged(robot, leg, reason, spent.actions, 0.0, "", began=True)
+                end = end if looks is None else looks.judged(end)
+                if not end.end_reason.is_result:  # where the robot stands is not known
+                    reason, error = end.end_reason, end.error
+                    continue
+                legs.append(_leg_of(robot, leg, leg_from, spent, end, len(legs), calls))
+                recorder.event("leg", f"goal {len(legs)} of {len(goals)}, {leg.goal}: {end.verdict.text}")
+                reason, spent, leg_from = None, Spent(), here.pose
+                leg = replace(plan, goal=goals[len(legs)])
+                if looks is not None:
+                    looks.search(leg.goal)
+                stepper.begin_leg()
+                with stop.interruptible():
+                    seed = (plan.seed + len(legs)) % 2**32
+                    calls.next_goal(plan.site, replace(task, goal=leg.goal, seed=seed), plan.parameters, base)
         if step.result is not None and not reason.is_result:
-            error = step.result.failure
+            error = error or step.result.failure
     except Stopped as acted:
         stopped = acted
         reason = EndReason.ABORTED if acted.request.author is StopAuthor.PERSON else EndReason.INTERRUPTED
@@ -174,15 +197,19 @@ def run_episode(
             calls.end()
     if stepper is not None and (cut := stepper.interrupted) is not None:
         recorder.step(cut)
-        spent = cut.spent
+        spent, actions = cut.spent, cut.index
     ends_session = stopped is not None and stopped.request.ends is Ends.SESSION
     if not recording:
         if stopped is not None and ends_session:
             raise stopped
         error = f"could not begin: {error or 'no reason given'}"
-    outcome = _judged(robot, plan, reason, spent.actions, time.monotonic() - began, error, began=recording)
+    outcome = _judged(robot, leg, reason, spent.actions, time.monotonic() - began, error, began=recording)
     if looks is not None:
         outcome = looks.judged(outcome)
+    if len(goals) > 1 and recording:
+        verdict = judge_sequence([earlier.success for earlier in legs], outcome.verdict, len(goals))
+        legs.append(_leg_of(robot, leg, leg_from, spent, outcome, len(legs), calls))
+        outcome = replace(outcome, verdict=verdict, actions=actions, legs=tuple(legs))
     if recording and robot.driven_against:
         recorder.event("drives_on", f"{robot.driven_against} drove on after the end; the base was held at rest")
     if outcome.error:
@@ -238,6 +265,16 @@ def _stop_measurement(
     is_measured = start.source is PoseSource.MEASURED and placed is not None and placed.measured is not None
     known = placed.measured.covariance if is_measured and placed and placed.measured else None
     return StopMeasurement(plan.site, plan.goal, plan.parameters, start, known)
+
+
+def _leg_of(
+    robot: Robot, leg: EpisodePlan, start: Pose, spent: Spent, end: EpisodeEnd, before: int, calls: PolicyCalls
+) -> Leg:
+    """Return what the record has of a goal of a sequence, which was given at a pose, after `before` other goals."""
+    space = free_space(leg.site, robot.identity.profile.base.radius_m)
+    shortest_m = space.geodesic_to_goal_m(start, leg.goal, leg.parameters)
+    memory = before == 0 or calls.keeps_memory
+    return leg_of(before + 1, leg.goal, end.verdict, spent, shortest_m, memory=memory)
 
 
 def _judged(

@@ -29,6 +29,7 @@ from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, memory_problem, sanitize
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.movement import Movement
 from vsnbench.values.observation import Budget, Observation, newest_of, shown_to_policy, with_changes
@@ -65,6 +66,7 @@ class PolicyCalls:
         self._name = policy.card.name
         self._card = replace(policy.card, action_map=dict(policy.card.action_map))
         self._robot: RobotFacts | None = None
+        self._start = Pose(0.0, 0.0)
         self._says_arrived = says_arrived
         self._history: tuple[Observation, ...] = ()
         self._answered_s = -math.inf
@@ -87,12 +89,34 @@ class PolicyCalls:
             PolicyFailedError: the policy raised an exception.
             ModelLostError: the policy's server cannot be reached.
         """
-        self._robot = task.robot
+        self._robot, self._start = task.robot, start
         self._history, self._answered_s = (), -math.inf
         with self._failures("reset"):
             if self._policy.needs_survey:
                 self._policy.survey(site, start, base, parameters)
-            self._policy.begin(replace(task, goal=goal_for(self._policy.card, site, task.goal)))
+            self._policy.begin(self._told(site, task))
+
+    def next_goal(self, site: Site, task: Task, parameters: ProtocolParameters, base: Base) -> None:
+        """Give the next goal of a sequence; a policy without memory of the earlier ones begins again where it is.
+
+        Raises:
+            PolicyFailedError: the policy raised an exception.
+            ModelLostError: the policy's server cannot be reached.
+        """
+        if not self.keeps_memory:
+            self.begin(site, self._start, task, parameters, base)
+            return
+        with self._failures("next_goal"):
+            self._policy.next_goal(self._told(site, task).goal)
+
+    @property
+    def keeps_memory(self) -> bool:
+        """Whether the policy keeps its memory from one goal of a sequence to the next."""
+        return GoalKind.SEQUENCE in self._card.goal_kinds
+
+    def _told(self, site: Site, task: Task) -> Task:
+        """Return a task with the goal as the policy receives it."""
+        return replace(task, goal=goal_for(self._card, site, task.goal, self._start))
 
     def act(self, observation: Observation, budget: Budget | None = None) -> Decision:
         """Return the policy's decision; it receives a copy of the observation, and the remaining budget.

@@ -30,6 +30,7 @@ from vsnbench.results.writing.episodes import Claim
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runtime.clock import ClockReading
+from vsnbench.sites.targets import legs_of
 from vsnbench.values.decision_check import SENSING
 from vsnbench.values.encoding.codec import diagnostics_to_details
 from vsnbench.values.fix import Fix
@@ -226,7 +227,7 @@ class EpisodeRecorderFanOut:
             self._sink.add(entry)
 
     def _geodesic_m(self, pose: Pose, *, ended: bool = False) -> float | None:
-        if self._plan is None:
+        if self._plan is None or len(legs_of(self._plan.site, self._plan.goal)) > 1:  # each leg has its own
             return None
         base, parameters = self._robot.base, self._plan.parameters
         space = free_space(self._plan.site, base.radius_m)

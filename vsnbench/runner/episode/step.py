@@ -49,7 +49,7 @@ class Step:
     """Pose in the site after it; odometry is in `result`."""
     timings: StepTimings
     spent: Spent
-    """What the episode has used, including this action."""
+    """What the episode has used, including this action; in a sequence, since the goal was given."""
     part: tuple[int, int] | None = None
     """Number from 1 and count, for a part of a chunk."""
     refusal: str = ""
@@ -117,6 +117,11 @@ class Stepper:
         if base.max_lateral_m_s and self._map is not None:
             self._side = SideGuard(base, plan.parameters, self._map)
         self._parts: deque[tuple[Decision, tuple[int, int]]] = deque()
+        self._taken = 0
+
+    def begin_leg(self) -> None:
+        """Drop what is left of a chunk: the next answer is for the next goal of a sequence."""
+        self._parts.clear()
 
     def take(self, spent: Spent, before: Fix) -> tuple[Step, EndReason | None]:
         """Take a step from a pose in the site; return it, and the reason of the episode's end if it is the last.
@@ -156,7 +161,8 @@ class Stepper:
             thinking_s=delay_s if self._robot.identity.simulated else t2 - t1,
             path_m=path_m if result is None or result.path_m is None else max(path_m, result.path_m),
         )
-        step = Step(spent.actions, observation, decision, guard, result, before, after, timings, spent, part, refusal)
+        self._taken += 1  # `spent` begins again at each goal of a sequence
+        step = Step(self._taken, observation, decision, guard, result, before, after, timings, spent, part, refusal)
         if ended is not None:
             self.interrupted = step
             raise ended

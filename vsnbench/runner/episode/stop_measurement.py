@@ -56,6 +56,10 @@ class StopMeasurement:
         self._looks: deque[DepthLook] = deque(maxlen=_LOOKS)
         self._observation: Observation | None = None
 
+    def search(self, goal: str) -> None:
+        """Measure to another goal from now on."""
+        self._goal = goal
+
     def look(self, observation: Observation) -> None:
         """Add an observation of the robot at rest."""
         self._poses.append(observation.pose)

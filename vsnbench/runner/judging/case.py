@@ -1,17 +1,19 @@
 """An ended episode with everything that a decision about it needs."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 from vsnbench.errors import UsageError
 from vsnbench.protocol.human_verdict import LONGEST_M
-from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal
+from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge_sequence
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.model import EpisodeRecord, RecordedVerdict
+from vsnbench.results.writing.entries import Leg
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.sites.site import Site
-from vsnbench.sites.targets import reached_words
+from vsnbench.sites.targets import legs_of, reached_words
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.pose import Pose
 
@@ -41,6 +43,10 @@ class Case:
     """The distance in the episode's own row."""
     odometry: GoalDistance | None = None
     """Distance from the pose by the odometry where another pose was measured from images after STOP."""
+    legs: tuple[Leg, ...] = ()
+    """The goals of a sequence that were given; a person judges the last one, and `actions` are its own."""
+    goals: int = 1
+    """Number of goals of the sequence."""
 
     @classmethod
     def of_ended(cls, ended: EndedEpisode) -> Self:
@@ -51,10 +57,12 @@ class Case:
             goal=plan.goal,
             start=plan.start.number,
             ended_with=verdict.end_reason,
-            actions=ended.outcome.actions,
+            actions=_last_actions(ended.outcome.legs, ended.outcome.actions),
             parameters=plan.parameters,
             longest_m=longest_distance_m(plan.site),
-            measured_to=reached_words(plan.site, plan.goal),
+            measured_to=reached_words(plan.site, _last_goal(ended.outcome.legs, plan.goal)),
+            legs=ended.outcome.legs,
+            goals=len(legs_of(plan.site, plan.goal)),
             instance=verdict.distance.instance if verdict.distance else "",
             proposal=verdict,
             odometry=ended.outcome.stop.odometry if ended.outcome.stop and ended.outcome.stop.measured else None,
@@ -79,16 +87,26 @@ class Case:
             goal=episode.goal,
             start=episode.start,
             ended_with=EndReason(episode.ended_with),
-            actions=episode.actions,
+            actions=_last_actions(episode.legs, episode.actions),
             parameters=ProtocolParameters.from_record(episode.provenance.protocol),
             longest_m=longest_distance_m(site) if site else LONGEST_M,
-            measured_to=reached_words(site, episode.goal) if site else f"nearest {episode.goal}",
+            measured_to=reached_words(site, _last_goal(episode.legs, episode.goal))
+            if site
+            else f"nearest {episode.goal}",
+            legs=episode.legs,
+            goals=len(legs_of(site, episode.goal)) if site and episode.legs else 1,
             instance=episode.goal_instance or "",
             proposal=_verdict(episode.proposal),
             current_verdict=_verdict(episode.current_verdict),
             recorded_distance=recorded,
             odometry=_by_odometry(episode, site),
         )
+
+    def of_sequence(self, verdict: Verdict) -> Verdict:
+        """Return the verdict of the whole sequence from that of its last goal; the same for another goal."""
+        if not self.legs:
+            return verdict
+        return judge_sequence([leg.success for leg in self.legs[:-1]], verdict, self.goals)
 
     @property
     def distance(self) -> GoalDistance | None:
@@ -109,6 +127,14 @@ class Case:
         if self.proposal is not None and self.proposal.success is not None:
             return self.proposal.success
         return self.current_verdict.success if self.current_verdict is not None else None
+
+
+def _last_actions(legs: Sequence[Leg], actions: int) -> int:
+    return legs[-1].actions if legs else actions
+
+
+def _last_goal(legs: Sequence[Leg], goal: str) -> str:
+    return legs[-1].goal if legs else goal
 
 
 def longest_distance_m(site: Site) -> float:
@@ -136,7 +162,9 @@ def _by_odometry(episode: EpisodeRecord, site: Site | None) -> GoalDistance | No
     pose = stop.pose.pose.compose(Pose(0.0, 0.0).relative_to(stop.offset))
     parameters = ProtocolParameters.from_record(episode.provenance.protocol)
     try:
-        distance = distance_to_goal(site, episode.goal, Fix(pose, PoseSource.ESTIMATED), parameters)
+        distance = distance_to_goal(
+            site, _last_goal(episode.legs, episode.goal), Fix(pose, PoseSource.ESTIMATED), parameters
+        )
     except ValueError:
         return None
     range_m = (stop.odometry_low_m or 0.0, math.inf if stop.odometry_high_m is None else stop.odometry_high_m)

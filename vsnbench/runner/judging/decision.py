@@ -116,7 +116,7 @@ def _judgement(case: Case, answer: Answer) -> Judgement:
             verdict = collided(text, case.actions, case.distance, case.parameters)
             return Judgement(verdict, answer.note or text, called_collision=True)
         case AnswerKind.MEASURED:
-            return Judgement(_measured(case, text), answer.note)
+            return Judgement(case.of_sequence(_measured(case, text)), answer.note)
         case AnswerKind.CONFIRM:
             if case.proposal is None:
                 raise MisreadError(

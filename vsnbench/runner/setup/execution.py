@@ -1,5 +1,7 @@
 """Checks that a model and a robot fit a protocol in which the robot drives on."""
 
+from collections.abc import Iterable
+
 from vsnbench.errors import UsageError
 from vsnbench.models.names import is_stack, stack_file
 from vsnbench.models.stack.file import load_stack
@@ -7,6 +9,9 @@ from vsnbench.protocol.disturbances import Disturbances
 from vsnbench.protocol.execution import KINDS_WHILE_DRIVING, STACK
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
+from vsnbench.sites.site import Site
+from vsnbench.sites.targets import kind_of
+from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import ModelCard
 from vsnbench.values.observation import Sensor
 
@@ -70,6 +75,21 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
             "--disturb latency is for a robot that rests while the model thinks",
             advice="give the latency with --continuous",
             code="two-latencies",
+        )
+
+
+def check_sequences(site: Site, goals: Iterable[str], parameters: ProtocolParameters) -> None:
+    """Check that a robot rests where a goal of a sequence ends and the next is given.
+
+    Raises:
+        UsageError: it drives on while a model thinks, or a stack drives it (`sequence-while-driving`).
+    """
+    name = next((goal for goal in goals if kind_of(site, goal) is GoalKind.SEQUENCE), None)
+    if name is not None and parameters.execution is not None:
+        raise UsageError(
+            f"goal {name} is a sequence, whose goals are given to a robot at rest, and this robot drives on",
+            advice="leave --continuous out, or name the goals of the sequence as goals of their own",
+            code="sequence-while-driving",
         )
 
 

@@ -10,7 +10,7 @@ from vsnbench.models.fit.goal import misfit
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.sites.categories import CATEGORIES, GOAL_CATEGORIES, canonical_category, near_category
 from vsnbench.sites.site import Site, embedded_sites, load_site
-from vsnbench.sites.targets import kind_of
+from vsnbench.sites.targets import kind_of, legs_of
 from vsnbench.text.number_ranges import read_numbers
 from vsnbench.text.suggestions import closest
 
@@ -64,7 +64,7 @@ def choose_goals(names: Sequence[str], site: Site, card: ModelCard) -> tuple[str
         return tuple(possible)
     for name in names:
         if problem := misfit(card, site, name):
-            wrong_kind = kind_of(site, name) not in card.goal_kinds
+            wrong_kind = any(kind_of(site, leg) not in card.goal_kinds for leg in legs_of(site, name))
             raise UsageError(
                 problem,
                 advice=_fitting_goals(site, card) if wrong_kind else _misnamed(card),

@@ -36,7 +36,7 @@ from vsnbench.results.writing.provenance import Provenance, gather_provenance
 from vsnbench.robots.contract import Robot
 from vsnbench.robots.registry import identity_of, is_simulated, open_robot
 from vsnbench.runner.disturbances.fit import check_disturbances
-from vsnbench.runner.setup.execution import check_execution
+from vsnbench.runner.setup.execution import check_execution, check_sequences
 from vsnbench.runner.setup.selection import choose_goals
 from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
@@ -243,6 +243,7 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
     check_execution(spec.parameters, spec.disturbances, robot, description.card)
+    check_sequences(spec.site, spec.goals, spec.parameters)
     if isinstance(model, StackPolicy):
         model.join(robot.exchange)
     seen = policy if crop is None else CroppedPolicy(policy, camera, crop)

@@ -145,6 +145,11 @@ class RedactedPolicy(Policy):
             self._policy.begin(task)
             self.card, self.announcement = self._policy.card, self._policy.announcement
 
+    def next_goal(self, goal: str) -> None:
+        """Give the next goal of a sequence."""
+        with self._redaction.call():
+            self._policy.next_goal(goal)
+
     def act(self, observation: Observation) -> Decision:
         """Return the next action."""
         with self._redaction.call():

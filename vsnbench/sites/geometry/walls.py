@@ -23,7 +23,7 @@ def bounds_of(site: Site) -> tuple[float, float, float, float]:
 
 def wall_shapes(site: Site) -> list[BaseGeometry]:
     """Return the footprint of each wall with open doors cut out, metres."""
-    cut = [doorway(door.start, door.end) for door in site.doors if not door.closed]
+    cut = [door.opening for door in site.doors if not door.closed]
     openings = shapely.union_all(cut) if cut else shapely.Polygon()
     return [wall.shape.difference(openings) for wall in site.walls]
 
@@ -42,11 +42,6 @@ def walls_of(site: Site, start: Point, end: Point, tolerance_m: float = 0.02) ->
     """Return the walls whose centre line contains both points: the walls of a door or window."""
     line = shapely.LineString([start, end])
     return [wall for wall in site.walls if wall.centre_line.buffer(tolerance_m, cap_style="square").covers(line)]
-
-
-def doorway(start: Point, end: Point) -> BaseGeometry:
-    """Return the opening between two points as a strip wider than any wall."""
-    return shapely.LineString([start, end]).buffer(0.3, cap_style="flat")
 
 
 def top_m(thing: SiteObject) -> float:

@@ -108,6 +108,7 @@ def driver_json(controls: Controls, visitor: str) -> dict[str, Any]:
         "practice": controls.practice,
         "phase": view.phase.value,
         "trial": view.trial,
+        "leg": view.leg,
         "goal": view.goal,
         "has_photo": view.photo is not None,
         "success_distance_m": view.success_distance_m,

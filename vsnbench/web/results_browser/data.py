@@ -223,6 +223,7 @@ def page_of(episode: EpisodeRecord, steps: tuple[StepRecord, ...]) -> dict[str, 
 def _facts(episode: EpisodeRecord) -> dict[str, str]:
     """Return `FACTS` in words, by name; nothing of what is empty or unknown."""
     values = {name.replace("_", " "): value for name, value in FACTS.json(episode).items()}
+    values |= {f"goal {leg.position}": leg.text for leg in episode.legs}
     return {name: _fact(value) for name, value in values.items() if value not in (None, "", [], {})}
 
 

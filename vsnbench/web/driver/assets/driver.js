@@ -45,9 +45,9 @@ function render() {
   at("begin").textContent = phase === "ready" ? "Begin" : "Take the controls";
   show("picture", isDriving && shown > 0);
   show("goal-photo", isMine() && state.has_photo && (isDriving || phase === "ready"));
-  if (isMine() && state.has_photo && at("goal-photo-image").dataset.trial !== String(state.trial)) {
-    at("goal-photo-image").dataset.trial = state.trial;
-    at("goal-photo-image").src = `/goal-photo?trial=${state.trial}`;
+  if (isMine() && state.has_photo && at("goal-photo-image").dataset.goal !== `${state.trial}.${state.leg}`) {
+    at("goal-photo-image").dataset.goal = `${state.trial}.${state.leg}`;
+    at("goal-photo-image").src = `/goal-photo?trial=${state.trial}.${state.leg}`;
   }
   show("pad", isDriving);
   if (canTake && !wasTakable && document.activeElement === document.body) at("begin").focus({ preventScroll: true });

@@ -7,7 +7,9 @@ const at = (id) => document.getElementById(id);
 const MAX_IMAGE_BYTES = 5_000_000;
 const CAMERA_AWAY_M = 1.2;
 const WORDS = { text: "the words", instruction: "the route in words" };
-const NEEDED = { category: "category", text: "text", image: "image", instruction: "text" };
+const NEEDED = { category: "category", text: "text", image: "image", instruction: "text", point: "targets", route: "images", sequence: "goals" };
+const LISTS = { route: "images", sequence: "goals" };
+const LIST_NOTES = { images: "Photographs along the way, in order: files next to the site file, separated by commas.", goals: "Ids of goals and categories, in the order in which they are given, separated by commas." };
 
 export const KINDS = Object.keys(NEEDED);
 const startsOf = (goal) => (Array.isArray(goal.starts) ? goal.starts : []);
@@ -63,7 +65,7 @@ export class GoalCard {
       make("strong", { textContent: goal.id ?? "" }, button);
       const targets = targetsOf(goal).map(targetName).join(", ");
       const starts = startsOf(goal).length ? `, starts ${rangesOf(startsOf(goal))}` : "";
-      button.append(` ${goal.kind}: ${goal[NEEDED[goal.kind]] ?? ""}${targets ? ` → ${targets}` : ""}${starts}`);
+      button.append(` ${goal.kind}: ${goal.kind === "point" ? "" : [goal[NEEDED[goal.kind]] ?? ""].flat().join(", ")}${targets ? ` → ${targets}` : ""}${starts}`);
       button.setAttribute("aria-pressed", String(this.#goalIndex() === index));
       button.addEventListener("click", () => model.select(["goals", index]));
       const found = this.findings.filter((finding) => finding.entries.some(([list, at]) => list === "goals" && at === index));
@@ -80,7 +82,8 @@ export class GoalCard {
     const { model } = this;
     const goal = { id: model.newGoalId(), kind };
     if (kind === "category") goal.category = model.site.objects[0]?.category ?? "chair";
-    else goal.targets = [];
+    else if (kind !== "sequence") goal.targets = [];
+    if (LISTS[kind]) goal[LISTS[kind]] = [];
     if (kind === "text" || kind === "instruction") goal.text = "";
     if (kind === "instruction") goal.starts = [];
     this.panel.focusNext = "field-id";
@@ -100,7 +103,12 @@ export class GoalCard {
     if (WORDS[goal.kind]) panel.area("text", WORDS[goal.kind], goal.text ?? "", (text) => { goal.text = text.split(/\s+/).filter(Boolean).join(" "); });
     if (goal.kind === "category") panel.input("category", "text", goal.category ?? "", set("category"));
     if (goal.kind === "image") this.#imageFields(goal, set("image"));
-    this.#targetFields(goal, index);
+    const list = LISTS[goal.kind];
+    if (list) {
+      panel.input(list, "text", (Array.isArray(goal[list]) ? goal[list] : []).map((each) => each?.id ?? each).join(", "), (text) => { goal[list] = text.split(/[\s,;]+/).filter(Boolean); });
+      panel.note(LIST_NOTES[list]);
+    }
+    if (goal.kind !== "sequence") this.#targetFields(goal, index);
     panel.input("starts", "text", rangesOf(startsOf(goal)), (text) => {
       const starts = numbersOf(text);
       if (starts === null) { this.showHint("Starts are numbers and ranges, such as 1-3, 7."); return; }
@@ -112,9 +120,11 @@ export class GoalCard {
 
   #setKind(goal, kind) {
     goal.kind = kind;
-    for (const field of ["category", "text", "image"]) if (field !== NEEDED[kind]) delete goal[field];
+    for (const field of ["category", "text", "image", "images", "goals"]) if (field !== NEEDED[kind]) delete goal[field];
     if (kind === "category") goal.category ??= "chair";
+    else if (kind === "sequence") delete goal.targets;
     else goal.targets ??= [];
+    if (LISTS[kind]) goal[LISTS[kind]] ??= [];
     if (kind === "instruction") goal.starts ??= [];
   }
 
