@@ -73,7 +73,7 @@ def test_a_winner_needs_the_interval_too_and_the_interval_is_the_one_that_is_rep
 
 
 @pytest.mark.parametrize(
-    ("changes", "difference"), [({}, 0.4), (EQUIVALENT, 0.1), (NOT_INFERIOR, 0.1), ({"margin": 0.1}, 0.5)]
+    ("changes", "difference"), [({}, 0.4), ({**EQUIVALENT, "margin": 0.4}, 0.1), (NOT_INFERIOR, 0.1), ({"margin": 0.1}, 0.5)]
 )
 def test_simulated_studies_end_as_the_study_itself_would(changes: dict[str, Any], difference: float) -> None:
     study = looked(**changes)

@@ -185,7 +185,7 @@ def _tested(study: StudyFile) -> str:
         tests = "two one-sided sign-flip tests" if study.primary.kind == "equivalence" else "one-sided sign-flip test"
         return (
             f"paired difference of {metric}; {tests} over starting positions against the margin, and the "
-            f"{1 - 2 * study.alpha:.0%} interval must lie within it; Holm over all pairs"
+            f"{1 - study.alpha:.0%} interval must lie within it; Holm over all pairs"
         )
     return (
         f"paired difference of {metric}; sign-flip test over starting positions, and the interval must exclude "
