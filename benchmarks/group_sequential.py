@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import progress_errors
 from study_errors import ALPHA, Arms, chances, simulated
 
 from benchmarks.support.simulated_tables import Table, print_tables
@@ -59,15 +60,21 @@ def study_of(arms: int = 2, *, decided: bool = True, **changes: Any) -> StudyFil
 
 
 def covered_at_end(study: StudyFile, means: Floats, repetitions: int, ended: DecidedStudies, truth: float) -> Floats:
-    """Return the coverage of the interval at the end of each study, and of one by inverting sign flips: (2,)."""
+    """Return the coverage of the interval at the end of each study, and of one by inverting sign flips: (2,).
+
+    For progress, whose sign flips take long, the second is NaN.
+    """
     looks = looks_of(study, means.shape[2])
-    tested = sequential_signs((means[0] - means[1]).mean(2) - truth, looks, ALPHA / 2, study.spending)
-    inside, inverted = np.zeros(len(ended.units), bool), np.zeros(len(ended.units), bool)
+    inside, inverted = np.zeros(len(ended.units), bool), np.full(len(ended.units), np.nan)
+    if not study.of_progress:
+        tested = sequential_signs((means[0] - means[1]).mean(2) - truth, looks, ALPHA / 2, study.spending)
+        inverted[:] = 0
     for place, (look, weight) in enumerate(zip(looks, look_weights(looks, study.spending), strict=True)):
         found = paired_intervals(means[0][:, :look], means[1][:, :look], repetitions, 1 - ALPHA * weight)
         here = ended.units == look
         inside |= here & (found.low <= truth + 1e-9) & (found.high >= truth - 1e-9)
-        inverted |= here & (tested[:, place] == 0)
+        if not study.of_progress:
+            inverted += here & (tested[:, place] == 0)
     return np.array([inside.mean(), inverted.mean()])
 
 
@@ -181,6 +188,27 @@ def margin_line(
     return f"| {starts} | {kind} | {100 * margin:.0f} | {middle} | {strength:g} | {' | '.join(columns)} |"
 
 
+def progress_line(studies: int, strength: float, first: float, second: float, *, skewed: bool = False) -> str:
+    """Return a line of the table `progress`, with the percentages at 1, 2 and 5 repetitions."""
+    study, shares = study_of(primary={"metric": "progress"}), []
+    for repetitions in REPETITIONS:
+        arms = progress_errors.Arms(first, second, strength, together=True, skewed=skewed)
+        seed = [repetitions, *(round(100 * value) for value in (first, second, strength)), int(skewed)]
+        _, values, truth = progress_errors.simulated(np.random.default_rng(seed), studies, arms, repetitions)
+        truth = 0.0 if first == second and not skewed else truth
+        means = values.mean(-1)
+        ended = looked_studies(study, means, repetitions, looks_of(study, means.shape[2]))
+        covered = covered_at_end(study, means, repetitions, ended, truth)[0]
+        named = np.mean(ended.signs > 0) if first > second else np.mean(ended.signs != 0)
+        shares.append((100 * float(named), float(ended.units.mean()), 100 * float(covered), 100 * truth))
+    named, run, covered, truths = ([line[place] for line in shares] for place in range(4))
+    kind = "B the same everywhere" if skewed else "both by position"
+    return (
+        f"| {kind} | {first} | {second} | {strength:g} | {truths[0]:+.1f} | {joined(named)} | {joined(run)} "
+        f"| {joined(covered)} |"
+    )
+
+
 _MORE_STUDIES = 10
 """The other studies for a line of `study plan`, in multiples of the number of a line."""
 
@@ -215,6 +243,7 @@ def tables(studies: int) -> dict[str, Table]:
     margins = [(15, 0.3, 0.3, 2.5), (15, 0.3, 0.8, 1.0), (15, 0.15, 0.8, 1.0), (8, 0.3, 0.8, 2.5)]
     margins += [(15, 0.15, 0.875, 2.5), (15, 0.15, 0.125, 2.5), (15, 0.2, 0.85, 2.5)]
     skewed = [(15, 0.15, 0.875, 2.5), (15, 0.15, 0.825, 2.5), (15, 0.3, 0.8, 2.5)]
+    progress = [(2.5, rate, rate) for rate in (0.1, 0.5, 0.9)] + [(1.0, 0.5, 0.5), (2.5, 0.65, 0.35), (1.0, 0.65, 0.35)]
     questions: list[dict[str, Any]] = [{}, {"primary": {"kind": "equivalence"}, "margin": 0.3}]
     plans = [(15, 1, gap, questions[0]) for gap in (0.0, 0.15, 0.2, 0.3)] + [
         (15, 2, gap, questions[0]) for gap in (0.2,)
@@ -254,8 +283,8 @@ def tables(studies: int) -> dict[str, Table]:
         "equivalence": (
             [
                 (
-                    "| positions | arms | margin | mean rate | logit SD | **equivalent, plan** | power | **looks** | power "
-                    "| **not inferior, plan** | power | **looks** | power |"
+                    "| positions | arms | margin | mean rate | logit SD | **equivalent, plan** | power | **looks** "
+                    "| power | **not inferior, plan** | power | **looks** | power |"
                 ),
                 "| ---: | --- | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- | --- | --- |",
             ],
@@ -263,6 +292,16 @@ def tables(studies: int) -> dict[str, Table]:
                 *(partial(margin_line, studies, *each) for each in margins),
                 *(partial(margin_line, studies, *each, skewed=True) for each in skewed),
             ],
+        ),
+        "progress": (
+            [
+                (
+                    "| arms | success of A | of B | logit SD | points of progress | **named** | positions run "
+                    "| **covered** |"
+                ),
+                "| --- | ---: | ---: | ---: | ---: | --- | --- | --- |",
+            ],
+            [partial(progress_line, studies, *each) for each in progress],
         ),
         "study plan": (
             [

@@ -100,9 +100,9 @@ def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) 
     size = f"{counted(starts, 'starting position')}, {goals}, {repetitions}"
     studies = simulated_studies(study, starts)
     level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
+    error = f"standard errors of up to {50 / math.sqrt(studies):.1f} points"
     notes = [
-        f"{size}; mean rate {rate:.0%}; {level}. Each line is from {studies:,} simulated studies: "
-        f"standard errors of up to {50 / math.sqrt(studies):.1f} points.",
+        f"{size}; mean rate {rate:.0%}; {level}. Each line is from {studies:,} simulated studies: {error}.",
         "Assumed: cells differ in difficulty (correlation 0.3; 0.1 across goals), half of it shared by both models.",
     ]
     if study.of_progress:

@@ -208,6 +208,12 @@ def plan(
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
+    if len({block.start for block in place.shared_blocks}) < 2:
+        raise StudyError(
+            f"{file}: 1 starting position is too few: places cannot be told from models",
+            advice="plan more starting_positions",
+            code="too-few-units",
+        )
     powers, directory = powers_of(place, rate), results_directory(results, db)
     table = power_table(place, rate, powers)
     pace = duration_line(place, directory, seconds)
