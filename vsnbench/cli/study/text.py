@@ -107,6 +107,11 @@ def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) 
     ]
     if study.of_progress:
         notes.append("The power is that of success alone; the primary analysis is of progress.")
+    if study.real_cells is not None:
+        notes.append(
+            f"Of a plan with real trials in all cells, not in {study.real_cells}: what a planned twin saves depends on "
+            "how well it predicts."
+        )
     if study.of_margin:
         notes += _margin_notes(study)
     elif study.margin:

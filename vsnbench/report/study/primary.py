@@ -10,6 +10,7 @@ from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
+from vsnbench.statistics.prediction_powered import OnlyPredicted, Powered, PredictedCell, powered
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.decision import ArmQuestion, arm_pairs
 from vsnbench.study.file import Rate, StudyFile
@@ -90,12 +91,20 @@ THESE = "the trials of this plan only, with the chance in their outcomes, and no
 LIKE_THESE = "cells like these: a population of which the plan's starting positions and goals are a sample"
 
 
-def analyse(study: StudyFile, progress: Sequence[StudyTrialProgress]) -> Primary:
-    """Carry out the planned analysis on the shared goals."""
+def analyse(
+    study: StudyFile, progress: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float] | None = None
+) -> Primary:
+    """Carry out the planned analysis on the shared goals.
+
+    Args:
+        study: the plan.
+        progress: its trials.
+        twin: simulated success rate of the primary arm by goal and starting position, of a planned twin.
+    """
     shared = [trial for trial in progress if trial.trial.goal in study.goals]
     if study.stopping == "decided":
         return _decided(study, shared)
-    return _whole_plan(study, shared)
+    return _whole_plan(study, shared, twin or {})
 
 
 def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
@@ -161,12 +170,17 @@ def _planned(shared: Sequence[StudyTrialProgress]) -> tuple[int, int]:
     return len(cells), len({(trial.trial.goal, trial.trial.start, trial.trial.repetition) for trial in shared})
 
 
-def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
+def _whole_plan(
+    study: StudyFile, shared: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float]
+) -> Primary:
     complete = all(trial.success is not None for trial in shared)
     cells, trials = _planned(shared)
     if isinstance(study.primary, Rate):
-        answers = [_against_rate(study, study.primary, shared, complete=complete)]
+        estimate = _predicted(study, study.primary, shared, twin)
+        answers = [_against_rate(study, study.primary, shared, estimate, complete=complete)]
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
+        if study.real_cells is not None:
+            method += _twin_words(estimate, twin)
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = [(first, second) for first, second in arm_pairs(study) if second is not None]
     found = [_compared(study, shared, pair) for pair in pairs]
@@ -245,12 +259,47 @@ def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, comple
     )
 
 
+def _predicted(
+    study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float]
+) -> Powered | None:
+    """Return the estimate with a planned twin; None without one, or if it cannot be used."""
+    if study.real_cells is None:
+        return None
+    cells = _cells(shared, primary.arm, lambda trial: trial.success)
+    driven = [PredictedCell(cell, twin[place]) for place, cell in sorted(cells.items()) if place in twin]
+    planned = {(trial.trial.goal, trial.trial.start) for trial in shared}
+    others = [
+        OnlyPredicted(place[1], rate)
+        for place, rate in sorted(twin.items())
+        if place[0] in study.goals and place not in planned
+    ]
+    return powered(driven, others, 1 - study.alpha) if len(driven) == len(cells) else None
+
+
+def _twin_words(estimate: Powered | None, twin: Mapping[tuple[str, int], float]) -> str:
+    """Return what a planned twin added, for the name of the method."""
+    if estimate is None:
+        why = "has no results in these cells from before the first real trial" if not twin else "covers too few cells"
+        return f"; without the planned twin, which {why}"
+    return (
+        f"; prediction-powered by the planned twin (PPI++, clustered by starting position), which has the weight "
+        f"{estimate.tuning:.2f} and saves {estimate.saved:.1f} real cells beside the {estimate.cells} that were run"
+    )
+
+
 def _against_rate(
-    study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], *, complete: bool
+    study: StudyFile,
+    primary: Rate,
+    shared: Sequence[StudyTrialProgress],
+    estimate: Powered | None,
+    *,
+    complete: bool,
 ) -> PrimaryAnswer:
     cells = _cells(shared, primary.arm, lambda trial: trial.success)
     outcomes = Outcomes(tuple(cells[place] for place in sorted(cells)))
     interval, seen = rate_interval(outcomes, 1 - study.alpha), outcomes.proportion.rate
+    if estimate is not None:
+        interval, seen = estimate.interval, estimate.rate
     apart = Interval(interval.low - primary.rate, interval.high - primary.rate)
     found = conclude(DifferenceEvidence(seen - primary.rate, apart, None, study.alpha, study.margin, complete))
     return PrimaryAnswer(
