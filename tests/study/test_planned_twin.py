@@ -31,8 +31,8 @@ def test_the_real_cells_are_drawn_by_the_seed_and_every_arm_has_them() -> None:
 
 
 def test_the_primary_rate_is_powered_by_the_twin_or_says_why_not() -> None:
-    study = small_study(**RATE, real_cells=30, alpha=0.1)
-    real = standing(study, 8, lambda _arm, _goal, start: start % 2 == 0)
+    study = small_study(**RATE, real_cells=16, alpha=0.1)
+    real = standing(study, 15, lambda _arm, _goal, start: start % 2 == 0)
     twin = {place: float(place[1] % 2 == 0) for place in PLACES}
     primary = analyse(study, real, twin)
     (answer,) = primary.answers

@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from vsnbench.report.study.planned_twin import powered_by_twin, twin_words
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
-from vsnbench.statistics.prediction_powered import OnlyPredicted, Powered, PredictedCell, powered
+from vsnbench.statistics.prediction_powered import Powered
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.decision import ArmQuestion, arm_pairs
 from vsnbench.study.file import Rate, StudyFile
@@ -176,11 +177,12 @@ def _whole_plan(
     complete = all(trial.success is not None for trial in shared)
     cells, trials = _planned(shared)
     if isinstance(study.primary, Rate):
-        estimate = _predicted(study, study.primary, shared, twin)
+        run = _cells(shared, study.primary.arm, lambda trial: trial.success)
+        estimate = powered_by_twin(study, run, {(trial.trial.goal, trial.trial.start) for trial in shared}, twin)
         answers = [_against_rate(study, study.primary, shared, estimate, complete=complete)]
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
         if study.real_cells is not None:
-            method += _twin_words(estimate, twin)
+            method += twin_words(estimate, twin)
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = [(first, second) for first, second in arm_pairs(study) if second is not None]
     found = [_compared(study, shared, pair) for pair in pairs]
@@ -256,34 +258,6 @@ def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, comple
         open=not complete,
         conclusion=found,
         **_metric(study, seen.means),
-    )
-
-
-def _predicted(
-    study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float]
-) -> Powered | None:
-    """Return the estimate with a planned twin; None without one, or if it cannot be used."""
-    if study.real_cells is None:
-        return None
-    cells = _cells(shared, primary.arm, lambda trial: trial.success)
-    driven = [PredictedCell(cell, twin[place]) for place, cell in sorted(cells.items()) if place in twin]
-    planned = {(trial.trial.goal, trial.trial.start) for trial in shared}
-    others = [
-        OnlyPredicted(place[1], rate)
-        for place, rate in sorted(twin.items())
-        if place[0] in study.goals and place not in planned
-    ]
-    return powered(driven, others, 1 - study.alpha) if len(driven) == len(cells) else None
-
-
-def _twin_words(estimate: Powered | None, twin: Mapping[tuple[str, int], float]) -> str:
-    """Return what a planned twin added, for the name of the method."""
-    if estimate is None:
-        why = "has no results in these cells from before the first real trial" if not twin else "covers too few cells"
-        return f"; without the planned twin, which {why}"
-    return (
-        f"; prediction-powered by the planned twin (PPI++, clustered by starting position), which has the weight "
-        f"{estimate.tuning:.2f} and saves {estimate.saved:.1f} real cells beside the {estimate.cells} that were run"
     )
 
 
