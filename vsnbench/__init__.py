@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vsnbench.sites.site import Site, StartingPosition
     from vsnbench.values.action import Action, ActionKind
     from vsnbench.values.battery import Battery
-    from vsnbench.values.camera import Camera
+    from vsnbench.values.camera import Camera, CameraRole
     from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
     from vsnbench.values.fix import Fix, PoseSource
     from vsnbench.values.goal import Goal, GoalKind
@@ -42,6 +42,7 @@ __all__ = [
     "Box",
     "Budget",
     "Camera",
+    "CameraRole",
     "Chunk",
     "Collision",
     "CollisionSource",
@@ -94,7 +95,7 @@ _NAMES = {
     "vsnbench.sites.site": ("Site", "StartingPosition"),
     "vsnbench.values.action": ("Action", "ActionKind"),
     "vsnbench.values.battery": ("Battery",),
-    "vsnbench.values.camera": ("Camera",),
+    "vsnbench.values.camera": ("Camera", "CameraRole"),
     "vsnbench.values.decision": ("Box", "Decision", "Diagnostics", "GridMap"),
     "vsnbench.values.fix": ("Fix", "PoseSource"),
     "vsnbench.values.goal": ("Goal", "GoalKind"),

@@ -14,7 +14,7 @@ from vsnbench.sensing.exchange import Exchange
 from vsnbench.sites.site import StartingPosition
 from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.movement import Drive
@@ -66,6 +66,9 @@ class Robot(ABC):
 
     sensors: frozenset[Sensor]
     """Sensors in its observations."""
+
+    cameras: frozenset[CameraRole] = frozenset({CameraRole.FRONT})
+    """Roles of the cameras in its observations."""
 
     conditions: Mapping[str, Any] = MappingProxyType({})
     """What else results depend on, as JSON by name. Trials under other conditions belong to another campaign.

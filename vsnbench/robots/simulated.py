@@ -25,7 +25,7 @@ from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulat
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.values.action import ActionKind
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
 from vsnbench.values.movement import STOP, Drive, holds_heading
@@ -69,6 +69,7 @@ class SimulatedRobot(Robot):
         self.profile = profile
         self.noise = noise
         self.action_kinds = frozenset({ActionKind.DISCRETE}) | profile.drive_kinds
+        self.cameras = frozenset({CameraRole.FRONT, *profile.cameras})
         self.conditions: Mapping[str, Any] = (
             {"simulator": simulator_version()}
             | ({} if noise is None else {"noise": noise.model_dump(mode="json")})

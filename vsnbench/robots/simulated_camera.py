@@ -1,4 +1,4 @@
-"""The camera of a simulated robot: colours, depth and labels, with noise and motion blur."""
+"""The cameras of a simulated robot: colours, depth and labels, with noise and motion blur."""
 
 from typing import Any
 
@@ -14,13 +14,13 @@ from vsnbench.simulator.rendering.renderer import Frame, Renderer
 from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.sites.site import Site
 from vsnbench.values.camera import Camera
-from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of
+from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of, with_changes
 from vsnbench.values.pose import LEVEL, Pose
 from vsnbench.values.robot_profile import RobotProfile
 
 
 class SimulatedCamera:
-    """Renders what the camera on a base sees now.
+    """Renders what the cameras on a base see now.
 
     Args:
         scene: the scene of `site`.
@@ -43,24 +43,32 @@ class SimulatedCamera:
         self._base = base
         self._noise = noise
         self._camera = profile.camera.without_roll
+        self._further = {role: profile.cameras[role].without_roll for role in sorted(profile.cameras)}
         self._knows_attitude = getattr(profile.interface, "attitude", None) is not None
         self._draws_labels = Sensor.INSTANCES in read or noise is not None
         self._draws_colours = self._draws_labels or Sensor.RGB in read
         self._renderer = Renderer(scene)
         self._shininess = scene.shininess(len(site.objects))
         self._categories = {number: thing.category for number, thing in enumerate(site.objects, start=1)}
-        base.keep_trail(profile.camera.exposure_s)
+        base.keep_trail(max(camera.exposure_s for camera in (profile.camera, *profile.cameras.values())))
 
     def begin(self, depth_seed: np.random.SeedSequence, other_depth_seed: np.random.SeedSequence) -> None:
         """Start an episode: the noise follows from the seeds, the second that of cameras that are mounted otherwise."""
         self._depth_rng = np.random.default_rng(depth_seed)
         self._other_depth_rng = np.random.default_rng(other_depth_seed)
+        seeds = depth_seed.spawn(len(self._further))
+        self._further_rng = {role: np.random.default_rng(seed) for role, seed in zip(self._further, seeds, strict=True)}
 
     def observe(self, pose: Pose, other: Camera | None = None) -> Observation:
         """Return the images of now, with the odometry; those of another camera have noise of their own."""
         if other is None:
-            return self._view(self._camera, pose, self._depth_rng)
-        return self._view(other.without_roll, pose, self._other_depth_rng)
+            main = self._view(self._camera, pose, self._depth_rng)
+        else:
+            main = self._view(other.without_roll, pose, self._other_depth_rng)
+        if not self._further:
+            return main
+        further = {role: self._view(camera, pose, self._further_rng[role]) for role, camera in self._further.items()}
+        return with_changes(main, cameras=further)
 
     def frame(self) -> npt.NDArray[np.uint8] | None:
         """Return the colours of now (H, W, 3), without an effect on later images; None if they are not rendered."""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Self
 
 import numpy as np
@@ -10,12 +11,24 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 
 from vsnbench.values.pose import LEVEL, Attitude
 
+_LATER = ("roll_deg", "exposure_s", "mount_left_m", "yaw_deg")
+"""Fields that profiles of older versions do not have."""
+
+
+class CameraRole(StrEnum):
+    """Which way a camera of a robot looks. `front` is the main camera, by which vsnbench drives and judges."""
+
+    FRONT = "front"
+    LEFT = "left"
+    RIGHT = "right"
+    REAR = "rear"
+
 
 class Camera(BaseModel):
     """A pinhole camera, its mount on the base, and the range of its depth sensor.
 
-    The optical axis lies in the robot's vertical plane x-z; pixels are square and the principal point is central.
-    Images of an observation fit this model without roll: robots rectify what their camera sends.
+    The optical axis of the main camera lies in the robot's vertical plane x-z; pixels are square and the principal
+    point is central. Images of an observation fit this model without roll: robots rectify what their camera sends.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -26,6 +39,12 @@ class Camera(BaseModel):
     mount_height_m: float = Field(gt=0, lt=3, description="optical centre above the floor, metres")
     mount_forward_m: float = Field(
         default=0.0, gt=-1.5, lt=1.5, description="optical centre ahead of the base's axis, metres"
+    )
+    mount_left_m: float = Field(
+        default=0.0, gt=-1.5, lt=1.5, description="optical centre to the left of the base's axis, metres"
+    )
+    yaw_deg: float = Field(
+        default=0.0, ge=-180, le=180, description="heading on the base, degrees; positive looks to the left"
     )
     tilt_deg: float = Field(default=0.0, ge=-90, lt=60, description="degrees; positive looks up, -90 straight down")
     roll_deg: float = Field(
@@ -41,7 +60,7 @@ class Camera(BaseModel):
     def _without_later_zeros(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Omit zeros of fields that older profiles did not have, so that hashes of profiles do not change."""
         content: dict[str, Any] = handler(self)
-        return {name: value for name, value in content.items() if value or name not in ("roll_deg", "exposure_s")}
+        return {name: value for name, value in content.items() if value or name not in _LATER}
 
     @property
     def without_roll(self) -> Self:
@@ -58,6 +77,9 @@ class Camera(BaseModel):
         right, down = np.array([0.0, -1.0, 0.0]), np.array([rise, 0.0, -level])
         rolled = math.cos(roll_rad) * right + math.sin(roll_rad) * down
         axes = np.array([rolled, math.cos(roll_rad) * down - math.sin(roll_rad) * right, [level, 0.0, rise]])
+        if self.yaw_deg:
+            cos, sin = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
+            axes = axes @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(axes @ attitude.rotation.T)
 
     def on(self, attitude: Attitude) -> Self:
@@ -68,11 +90,22 @@ class Camera(BaseModel):
         """
         if attitude == LEVEL:
             return self.without_roll
-        ahead = math.cos(attitude.pitch_rad) * self.mount_forward_m
-        down_m = math.sin(attitude.pitch_rad) * self.mount_forward_m
-        tilt_deg = math.degrees(math.asin(max(-1.0, min(1.0, float(self.axes(attitude)[2, 2])))))
-        mount = {"mount_forward_m": ahead, "mount_height_m": self.mount_height_m - down_m}
+        forward = self.axes(attitude)[2]
+        tilt_deg = math.degrees(math.asin(max(-1.0, min(1.0, float(forward[2])))))
+        if self.is_ahead:
+            down_m = math.sin(attitude.pitch_rad) * self.mount_forward_m
+            mount = {"mount_forward_m": math.cos(attitude.pitch_rad) * self.mount_forward_m}
+        else:
+            ahead_m, left_m, up_m = attitude.rotation @ [self.mount_forward_m, self.mount_left_m, 0.0]
+            down_m, yaw_deg = -float(up_m), math.degrees(math.atan2(forward[1], forward[0]))
+            mount = {"mount_forward_m": float(ahead_m), "mount_left_m": float(left_m), "yaw_deg": yaw_deg}
+        mount["mount_height_m"] = self.mount_height_m - down_m
         return self.model_copy(update={**mount, "tilt_deg": tilt_deg, "roll_deg": 0.0})
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether the optical axis lies in the robot's vertical plane x-z, as that of the main camera."""
+        return not self.mount_left_m and not self.yaw_deg
 
     @property
     def focal_px(self) -> float:
@@ -95,7 +128,7 @@ class Camera(BaseModel):
         return self.model_copy(update={"width": width, "height": height, "horizontal_fov_deg": fov_deg})
 
     def rays(self, width: int, height: int) -> "Rays":
-        """Return the rays of all pixels of this view at a resolution."""
+        """Return the rays of all pixels of this view at a resolution; for the main camera."""
         focal_px = self.focal_px * width / self.width
         tilt_rad = math.radians(self.tilt_deg)
         down = (np.arange(height, dtype=np.float64) - (height - 1) / 2) / focal_px
@@ -119,6 +152,14 @@ class Camera(BaseModel):
         points[..., 0] = depth_m * rays.ahead.astype(np.float32)[:, None] + np.float32(rays.forward_m)
         points[..., 1] = depth_m * rays.left.astype(np.float32)[None, :]
         points[..., 2] = depth_m * rays.up.astype(np.float32)[:, None] + np.float32(rays.height_m)
+        if not self.is_ahead:
+            ahead, left = points[..., 0] - np.float32(rays.forward_m), points[..., 1].copy()
+            cos, sin = (
+                np.float32(math.cos(math.radians(self.yaw_deg))),
+                np.float32(math.sin(math.radians(self.yaw_deg))),
+            )
+            points[..., 0] = cos * ahead - sin * left + np.float32(self.mount_forward_m)
+            points[..., 1] = sin * ahead + cos * left + np.float32(self.mount_left_m)
         return points
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import SensorLostError, SensorNotDeclaredError
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import Pose
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -85,6 +85,9 @@ class Observation:
     """Digest of the newest raw depth image if `depth_m` is filtered from several; None if `depth_m` is raw."""
     budget: Budget | None = None
     """What the protocol leaves the episode; only in what a policy receives."""
+    cameras: "Mapping[CameraRole, Observation]" = field(default_factory=dict)
+    """What the robot's further cameras see, by role; each has its own images, time and calibration. A policy gets those
+    of the roles on its card; the main camera's images are `rgb` and `depth_m`."""
     history: "tuple[Observation, ...]" = ()
     """Observations since the last call of `act`, oldest first, without this one: after each part of a chunk but its
     last, and of the film of a robot that drives on. Only for a policy whose card asks for it."""
@@ -138,8 +141,13 @@ FIELD_OF: Final = MappingProxyType(
 """Field of an observation for each sensor."""
 
 
-def shown_to_policy(observation: Observation, sensors: frozenset[Sensor], budget: Budget | None = None) -> Observation:
-    """Return the observation for a policy with these sensors on its card, as private copies.
+def shown_to_policy(
+    observation: Observation,
+    sensors: frozenset[Sensor],
+    budget: Budget | None = None,
+    roles: frozenset[CameraRole] = frozenset(),
+) -> Observation:
+    """Return the observation for a policy with these sensors and camera roles on its card, as private copies.
 
     Changes by the policy or its threads affect neither the depth guard nor the record. The arrays are read-only, so
     that accidental changes raise an error.
@@ -154,7 +162,11 @@ def shown_to_policy(observation: Observation, sensors: frozenset[Sensor], budget
         "budget": budget,
     }
     if observation.history:
-        measured["history"] = tuple(shown_to_policy(earlier, sensors) for earlier in observation.history)
+        measured["history"] = tuple(shown_to_policy(earlier, sensors, roles=roles) for earlier in observation.history)
+    if further := sorted(roles - {CameraRole.FRONT}):
+        if lost := [role for role in further if role not in observation.cameras]:
+            raise SensorLostError(f"the model needs the {' and '.join(lost)} camera, which this observation lacks")
+        measured["cameras"] = {role: shown_to_policy(observation.cameras[role], sensors) for role in further}
     if Sensor.RGB in sensors:
         measured["rgb"] = _private(observation.rgb)
     if Sensor.DEPTH in sensors and observation.depth_m is not None:
@@ -188,6 +200,7 @@ def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observati
     for name, value in {
         **absent,
         "sensing": {},
+        "cameras": {},
         "history": (),
         "stamp_s": stamp_s,
         "camera": camera,
@@ -227,7 +240,8 @@ def newest_of(history: Sequence[Observation], observation: Observation, most: in
 
 def _pixel_bytes(observation: Observation) -> int:
     arrays = (getattr(observation, FIELD_OF[sensor], None) for sensor in (Sensor.RGB, Sensor.DEPTH))
-    return sum(array.nbytes for array in arrays if array is not None)
+    own = sum(int(array.nbytes) for array in arrays if array is not None)
+    return own + sum(map(_pixel_bytes, observation.cameras.values()))
 
 
 def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:

@@ -22,8 +22,9 @@ from pydantic import (
 )
 
 from vsnbench.values.action import ActionKind
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.movement import DRIVE_KINDS
+from vsnbench.values.observation import MAX_PIXEL_BYTES
 
 
 class Base(BaseModel):
@@ -190,6 +191,8 @@ class Interface(BaseModel):
     kind: str
 
 
+_BYTES_PER_PIXEL = 7
+"""Bytes of a colour and its depth in a message."""
 _WITHOUT_EFFECT = ("kind", "battery", "battery_type")
 """Fields of a ROS 1 interface that the older form did not have; they do not affect the robot's behaviour."""
 
@@ -206,7 +209,10 @@ class RobotProfile(BaseModel):
     tolerances: Tolerances | None = Field(
         default=None, description="none for the paper's 5 mm and 0.1 degrees; others are a condition of the campaign"
     )
-    camera: Camera
+    camera: Camera = Field(description="the main camera, which looks ahead")
+    cameras: Mapping[CameraRole, Camera] = Field(
+        default_factory=dict, description="further cameras by role (left, right, rear); models ask for them"
+    )
     interface: SerializeAsAny[Interface] | None = Field(
         default=None, description="none for a robot that is only ever simulated"
     )
@@ -252,6 +258,15 @@ class RobotProfile(BaseModel):
         for axis in ("linear_m_s", "angular_rad_s"):
             if (speed := getattr(self.speeds, axis)) < (least := getattr(self.base, f"min_{axis}")):
                 raise ValueError(f"speeds.{axis}: {speed:g} is below base.min_{axis}, which is {least:g}")
+        if not self.camera.is_ahead:
+            raise ValueError("camera: the main camera looks ahead; others belong into `cameras`, by role")
+        if CameraRole.FRONT in self.cameras:
+            raise ValueError("cameras: `front` is the main camera, which stands in `camera`")
+        pixels = sum(camera.width * camera.height for camera in (self.camera, *self.cameras.values()))
+        if self.cameras and _BYTES_PER_PIXEL * pixels > MAX_PIXEL_BYTES:
+            raise ValueError(
+                f"cameras: {pixels} pixels together; at most {MAX_PIXEL_BYTES // _BYTES_PER_PIXEL} fit into a message"
+            )
         return self
 
     @property
@@ -277,8 +292,9 @@ class RobotProfile(BaseModel):
         """
         content = self.content()
         content.pop("dynamics")
-        if self.tolerances is None:
-            content.pop("tolerances")
+        for name in ("tolerances", "cameras"):
+            if not getattr(self, name):
+                content.pop(name)
         if self.interface is not None and self.interface.kind == "ros2":
             # The address of one robot, not a property of its kind.
             content["interface"].pop("namespace", None)

@@ -25,12 +25,14 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> rrb.Bluepr
     whole_episode = rrb.VisibleTimeRange(
         TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()
     )
-    images = rrb.Vertical(
+    images: list[rrb.View | rrb.Container] = [
         rrb.TextDocumentView(origin="status", name="Now"),
         rrb.Spatial2DView(origin="camera/rgb", name="RGB"),
         rrb.Spatial2DView(origin="camera/depth", name="Depth"),
-        row_shares=[2, 6, 5],
-    )
+    ]
+    if header.cameras:
+        further = [rrb.Spatial2DView(origin=f"camera_{role}/rgb", name=role.capitalize()) for role in header.cameras]
+        images.insert(2, rrb.Horizontal(*further))
     # A curve that falls towards the goal leaves this corner free.
     legend = rrb.PlotLegend(corner="righttop")
     middle = rrb.Vertical(
@@ -55,7 +57,8 @@ def episode_blueprint(header: EpisodeHeader, *, with_scores: bool) -> rrb.Bluepr
     )
     documents.append(rrb.TextLogView(origin="events", name="Events", columns=columns))
     texts = rrb.Vertical(*documents, row_shares=[6, 4, 3, 2] if with_scores else [6, 5, 3])
-    return _blueprint(rrb.Horizontal(images, middle, texts, column_shares=[5, 7, 5]))
+    seen = rrb.Vertical(*images, row_shares=[2, 6, 3, 5] if header.cameras else [2, 6, 5])
+    return _blueprint(rrb.Horizontal(seen, middle, texts, column_shares=[5, 7, 5]))
 
 
 def _blueprint(views: rrb.Container) -> rrb.Blueprint:

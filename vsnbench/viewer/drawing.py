@@ -118,18 +118,10 @@ class EpisodeDrawing:
         diagnostics = entry.decision.diagnostics
         self._counts[entry.decision.action.value] += 1
         self._blocked += entry.step.blocked
-        if entry.rgb_jpeg is not None:
-            log("camera/rgb", rr.EncodedImage, blob=[entry.rgb_jpeg], media_type=["image/jpeg"])
+        self._images("camera", entry.rgb_jpeg, entry.depth_png)
         self._detections(diagnostics.boxes)
-        if entry.depth_png is not None:
-            log(
-                "camera/depth",
-                rr.EncodedDepthImage,
-                blob=[entry.depth_png],
-                media_type=["image/png"],
-                meter=[DEPTH_UNITS_PER_METRE],
-                depth_range=[[0, 6000]],
-            )
+        for role, images in entry.cameras.items():
+            self._images(f"camera_{role}", *images)
         log("actions/action", rr.StateChange, state=[entry.decision.action.value])
         log("actions/outcome", rr.StateChange, state=[_outcome(entry)])
         distance = self._plan.draw_step(entry)
@@ -143,6 +135,19 @@ class EpisodeDrawing:
             if frame.rgb_jpeg is not None:
                 log("camera/rgb", rr.EncodedImage, blob=[frame.rgb_jpeg], media_type=["image/jpeg"])
             self._plan.draw_robot(frame.moment.pose)
+
+    def _images(self, camera: str, rgb_jpeg: bytes | None, depth_png: bytes | None) -> None:
+        if rgb_jpeg is not None:
+            self._log.log(f"{camera}/rgb", rr.EncodedImage, blob=[rgb_jpeg], media_type=["image/jpeg"])
+        if depth_png is not None:
+            self._log.log(
+                f"{camera}/depth",
+                rr.EncodedDepthImage,
+                blob=[depth_png],
+                media_type=["image/png"],
+                meter=[DEPTH_UNITS_PER_METRE],
+                depth_range=[[0, 6000]],
+            )
 
     def _log_text(self, entity: str, text: str) -> None:
         self._log.log(entity, rr.TextDocument, text=[text], media_type=[rr.MediaType.MARKDOWN])

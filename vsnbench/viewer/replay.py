@@ -12,7 +12,7 @@ from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.files.film import film_of, film_path
 from vsnbench.results.files.image_set import ImageFault, image_faults
-from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.files.images import depth_path, rgb_path, step_digests_of
 from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
@@ -74,17 +74,12 @@ def replay_of(results: ResultsDirectory, episode: EpisodeRecord, steps: tuple[St
     entries = [*_steps_and_events(episode, steps, directory if images else None), *_end(episode)]
     faults: list[ImageFault] = []
     if images:
-        digests = [
-            StepDigests(
-                step.number,
-                step.rgb_digest,
-                step.depth_digest,
-                film=tuple(frame.file_digest for frame in film_of(step.details)),
-            )
-            for step in steps
-        ]
-        faults = image_faults(directory, digests, read=False)
+        faults = image_faults(directory, list(map(_digests, steps)), read=False)
     return EpisodeReplay(_header(episode), tuple(entries), directory, tuple(faults))
+
+
+def _digests(step: StepRecord) -> StepDigests:
+    return step_digests_of(step.number, step.rgb_digest, step.depth_digest, (None, None), step.details)
 
 
 def _header(episode: EpisodeRecord) -> EpisodeHeader:
@@ -118,6 +113,7 @@ def _header(episode: EpisodeRecord) -> EpisodeHeader:
         begin=episode.placement or Fix(site.start(episode.start).pose, PoseSource.SURVEYED),
         parameters=parameters,
         robot_radius_m=robot.base.radius_m,
+        cameras=tuple(sorted(robot.cameras)),
     )
 
 
@@ -131,15 +127,21 @@ def _steps_and_events(episode: EpisodeRecord, steps: tuple[StepRecord, ...], ima
 
 
 def _step(step: StepRecord, images: Path | None) -> StepEntry:
+    def read(role: str) -> tuple[bytes | None, bytes | None]:
+        if images is None:
+            return None, None
+        files = rgb_path(Path(), step.number, role), depth_path(Path(), step.number, role)
+        return read_confined(images, files[0]), read_confined(images, files[1])
+
     return StepEntry(
         step,
         decision_from_record(step.action, step.raw_action, step.probabilities, step.details),
-        read_confined(images, rgb_path(Path(), step.number)) if images else None,
-        read_confined(images, depth_path(Path(), step.number)) if images else None,
+        *read(""),
         tuple(
             replace(frame, rgb_jpeg=read_confined(images, film_path(Path(), step.number, place)) if images else None)
             for place, frame in enumerate(film_of(step.details), start=1)
         ),
+        {role: read(role) for role, _ in _digests(step).cameras},
     )
 
 

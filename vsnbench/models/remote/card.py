@@ -18,7 +18,7 @@ _LONGEST_NAME: Final = 100
 _CLIPPED: Final = {"weights_sha256": 64, "weights_label": 200}
 _LONGEST_TEXT: Final = 300
 _OF_TEXTS: Final = ("code", "files", "runs_on")
-_LISTS: Final = ("goals", "action_kinds", "goal_kinds")
+_LISTS: Final = ("goals", "action_kinds", "goal_kinds", "cameras")
 _NOT_SENT: Final = ("surveyed",)
 _CARD: Final = TypeAdapter(ModelCard)
 

@@ -18,7 +18,7 @@ from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS
 from vsnbench.models.task import RobotFacts, Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.settings.validation import first_error
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.encoding.codec import decision_to_message
 from vsnbench.values.goal import Goal, GoalKind
@@ -150,6 +150,7 @@ def _observation(given: wire.Observation) -> Observation:
         "rgb": given.rgb,
         "depth_m": given.depth_m,
         "beyond_range": given.beyond_range,
+        "cameras": {CameraRole(role): _observation(view) for role, view in given.cameras.items()},
         "history": tuple(map(_observation, given.history)),
     }
     if given.pose is not None:

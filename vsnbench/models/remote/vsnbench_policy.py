@@ -71,6 +71,7 @@ SENSORS = ("rgb", "depth", "odometry")
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction")
 _GOAL_TEXTS = ("id", "kind", "text", "category")
+CAMERA_ROLES = ("front", "left", "right", "rear")
 MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
 MAX_MESSAGE_BYTES = 64 * 2**20
@@ -186,9 +187,10 @@ class Observation:
     surface is farther than the camera's range; None if there is no such pixel, or if that is unknown. budget: the
     remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
     history: observations since the last `act`, oldest first, for a model whose card has `history`.
+    cameras: observations of further cameras by role, `left`, `right` or `rear`, for a model whose card has `cameras`.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - its fields
         self,
         rgb: Any,
         depth_m: Any,
@@ -198,9 +200,10 @@ class Observation:
         beyond_range: Any = None,
         budget: dict[str, Any] | None = None,
         history: tuple[Observation, ...] = (),
+        cameras: dict[str, Observation] | None = None,
     ) -> None:
         self.rgb, self.depth_m, self.pose, self.stamp_s, self.camera = rgb, depth_m, pose, stamp_s, camera
-        self.beyond_range, self.budget, self.history = beyond_range, budget, history
+        self.beyond_range, self.budget, self.history, self.cameras = beyond_range, budget, history, cameras or {}
 
 
 def serve(  # noqa: PLR0913 - what its command line has
@@ -222,8 +225,8 @@ def serve(  # noqa: PLR0913 - what its command line has
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
             optionally `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"), `weights_sha256`,
-            `weights_label`, `settings`, `action_map`, `anchor`, `history`, `deterministic` and `runs_on` (device,
-            threads, ...).
+            `weights_label`, `settings`, `action_map`, `anchor`, `history`, `cameras`, `deterministic` and `runs_on`
+            (device, threads, ...).
             `act` returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally
             `raw_action`, `probabilities`, `diagnostics`. A method `begin(task)` is called instead of `reset`, with a
             `Task`.
@@ -554,13 +557,14 @@ def checked_card(policy: Any) -> dict[str, Any]:
         **({} if given.get("camera") is None else {"camera": plain(_camera(given["camera"]))}),
         **_anchor(given.get("anchor")),
         **_history(given.get("history") or 0),
+        **({"cameras": _known(given["cameras"], CAMERA_ROLES, "cameras")} if given.get("cameras") else {}),
     }
 
 
 _CARD_FIELDS = (
     *("name", "goals", "sensors", "weights_sha256", "weights_label", "settings", "deterministic", "stand_in"),
     *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
-    *("anchor", "history"),
+    *("anchor", "history", "cameras"),
 )
 
 
@@ -873,6 +877,11 @@ def observation_of(message: dict[str, Any]) -> Observation:
     if not _is_finite(stamp_s):
         raise WireError("`stamp_s` must be a number")
     rgb, depth, history = message.get("rgb"), message.get("depth"), message.get("history") or []
+    further = message.get("cameras") or {}
+    if not isinstance(further, dict) or not all(
+        role in CAMERA_ROLES and isinstance(view, dict) for role, view in further.items()
+    ):
+        raise WireError("`cameras` must be a mapping of {} to observations".format(", ".join(CAMERA_ROLES)))
     if (
         not isinstance(history, list)
         or len(history) > MAX_HISTORY
@@ -891,6 +900,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
         beyond_range=None if depth is None else _beyond_range_of(depth),
         budget=budget,
         history=tuple(observation_of(dict(earlier, camera=camera, history=None)) for earlier in history),
+        cameras={role: observation_of(dict(view, cameras=None, history=None)) for role, view in further.items()},
     )
 
 

@@ -3,6 +3,7 @@
 A sink receives the entries of one episode to show or copy them; a viewer opens a sink for each episode.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -32,6 +33,8 @@ class EpisodeHeader:
     """True start pose of the robot; odometry and the policy's maps are relative to it."""
     parameters: ProtocolParameters = field(default_factory=ProtocolParameters)
     robot_radius_m: float = 0.177
+    cameras: tuple[str, ...] = ()
+    """Roles of the robot's further cameras."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +50,8 @@ class StepEntry:
     """16-bit, millimetres, 0 if invalid."""
     film: tuple[RecordedFrame, ...] = ()
     """Images that were taken while the robot drove on, until the next answer took effect."""
+    cameras: Mapping[str, tuple[bytes | None, bytes | None]] = field(default_factory=dict)
+    """Colours and depth of further cameras by role, as `rgb_jpeg` and `depth_png`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,10 +84,11 @@ class ExpectedImage:
 def expected_images(steps: Sequence[StepDigests]) -> Iterator[ExpectedImage]:
     """Yield the image files of an episode's steps."""
     for step in steps:
-        if step.rgb is not None:
-            yield ExpectedImage(rgb_path(Path(), step.number), None, step.rgb_file)
-        if step.depth is not None:
-            yield ExpectedImage(depth_path(Path(), step.number), step.depth, step.depth_file)
+        for role, seen in (("", step), *step.cameras):
+            if seen.rgb is not None:
+                yield ExpectedImage(rgb_path(Path(), step.number, role), None, seen.rgb_file)
+            if seen.depth is not None:
+                yield ExpectedImage(depth_path(Path(), step.number, role), seen.depth, seen.depth_file)
         for place, digest in enumerate(step.film, start=1):
             yield ExpectedImage(film_path(Path(), step.number, place), None, digest)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Column, Connection, Table, insert, select
 
-from vsnbench.results.files.film import film_of
+from vsnbench.results.files.images import step_digests_of
 from vsnbench.results.schema.base import TableBase
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import Row, insert_row
@@ -122,13 +122,9 @@ def step_digests(connection: Connection, episode_id: int) -> list[StepDigests]:
     )
     query = select(*columns).where(StepRow.episode_id == episode_id).order_by(StepRow.number)
     return [
-        StepDigests(number, rgb, depth, rgb_file, depth_file, _film_digests(sensing))
+        step_digests_of(number, rgb, depth, (rgb_file, depth_file), {SENSING: sensing})
         for number, rgb, depth, rgb_file, depth_file, sensing in connection.execute(query)
     ]
-
-
-def _film_digests(sensing: object) -> tuple[str, ...]:
-    return tuple(frame.file_digest for frame in film_of({SENSING: sensing}))
 
 
 def insert_episode_rows(

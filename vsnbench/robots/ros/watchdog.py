@@ -23,6 +23,7 @@ from vsnbench.robots.ros.interface_kinds import interface_of
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.odometry.odometry import OdometryReading
 from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.values.pose import wrap_angle
 from vsnbench.values.robot_profile import RobotProfile
 
 _TURN_RAD_S = 0.3
@@ -34,7 +35,7 @@ _REST_S = 0.2
 _REST_SHARE = 0.1
 """A base at rest turns slower than this share of the commanded velocity."""
 _ALLOWED_S = 0.3
-"""Allowance for the transport of command and odometry, and for braking."""
+"""Least allowance for the transport of command and odometry, and for braking."""
 _LONGEST_S = 1.0
 """Longest timeout of a base that may be steered over a network."""
 _STANDSTILL_S = 2.0
@@ -68,10 +69,11 @@ class WatchdogMeasurement(BaseModel):
 def measure_watchdog(link: RobotLink, profile: RobotProfile) -> WatchdogMeasurement:
     """Turn the base slowly, stop sending commands, and measure by the odometry when the base stops.
 
-    The base turns by about 30 degrees at most, and is at rest afterwards.
+    Before, the base turns the other way and is told to stop. What it takes for that, its dead time and its braking, is
+    allowed to the watchdog too. The base turns by about 30 degrees at most, and is at rest afterwards.
 
     Raises:
-        RobotError: another process steers, the profile states a too long timeout, or the base does not turn.
+        RobotError: another process steers, the profile states a too long timeout, or the base does not turn or stop.
     """
     steer, stated_s = link.steer, float(interface_of(profile).command_timeout_s)
     if steer is None:
@@ -87,33 +89,49 @@ def measure_watchdog(link: RobotLink, profile: RobotProfile) -> WatchdogMeasurem
             advice=f"start on the robot: vsnbench robots serve {profile.argument}",
             code="watchdog-too-slow",
         )
-    allowed_s = stated_s + _ALLOWED_S + 2 / profile.base.odometry_rate_hz
+    turn_rad_s = max(_TURN_RAD_S, profile.base.min_angular_rad_s)
     try:
-        silent_s = _turn(link, steer, max(_TURN_RAD_S, profile.base.min_angular_rad_s))
-
-        def over(now: RobotSnapshot) -> bool:
-            if now.latest is None or now.hazard_events:
-                return True
-            passed_s = now.latest.stamp_s - silent_s
-            return stopped_after_s(now.readings, silent_s) is not None or passed_s > allowed_s + _REST_S
-
-        link.wait_for(over, 3 * (allowed_s + _REST_S))
-        now = link.snapshot()
+        told_s = _turn(link, steer, -turn_rad_s)
+        link.hold_still()
+        braked_s = _stop_after(link, told_s, _LONGEST_S)
+        link.release()
+        if braked_s is None:
+            raise RobotError(
+                f"the base still moves {_LONGEST_S:g} s after a command of zero velocity",
+                advice="check that no other program steers it, and that its odometry is at rest when it stands",
+                code="base-does-not-stop",
+            )
+        allowed_s = stated_s + max(_ALLOWED_S, braked_s) + 2 / profile.base.odometry_rate_hz
+        silent_s = _turn(link, steer, turn_rad_s)
+        stopped_s = _stop_after(link, silent_s, allowed_s)
     finally:
         link.hold_still()
         link.wait_for(lambda now: now.at_rest(_REST_S, 0.001, _REST_SHARE * _TURN_RAD_S * _REST_S), _STANDSTILL_S)
         link.release()
-    for hazard, where in now.hazard_events:
-        raise RobotError(
-            f"{hazard.value} ({where}) while the watchdog was measured", advice="free the robot first", code="hazard"
-        )
     return WatchdogMeasurement(
         robot=profile.name,
         stated_s=stated_s,
         allowed_s=allowed_s,
-        stopped_s=stopped_after_s(now.readings, silent_s),
+        stopped_s=stopped_s,
         measured_at=datetime.now(UTC),
     )
+
+
+def _stop_after(link: RobotLink, since_s: float, limit_s: float) -> float | None:
+    """Wait until the base stands; return the time from `since_s`, or None where it turns after `limit_s`."""
+
+    def over(now: RobotSnapshot) -> bool:
+        if now.latest is None or now.hazard_events:
+            return True
+        return stopped_after_s(now.readings, since_s) is not None or now.latest.stamp_s - since_s > limit_s + _REST_S
+
+    link.wait_for(over, 3 * (limit_s + _REST_S))
+    now = link.snapshot()
+    for hazard, where in now.hazard_events:
+        raise RobotError(
+            f"{hazard.value} ({where}) while the watchdog was measured", advice="free the robot first", code="hazard"
+        )
+    return stopped_after_s(now.readings, since_s)
 
 
 def _turn(link: RobotLink, steer: Callable[[Command], None], velocity_rad_s: float) -> float:
@@ -123,8 +141,10 @@ def _turn(link: RobotLink, steer: Callable[[Command], None], velocity_rad_s: flo
         steer(Command(angular_rad_s=velocity_rad_s))
         time.sleep(_PERIOD_S)
         now = link.snapshot().latest
-        if before is not None and now is not None and now.pose.heading_rad - before.pose.heading_rad > _TURNED_RAD:
-            return now.stamp_s
+        if before is not None and now is not None:
+            turned_rad = wrap_angle(now.pose.heading_rad - before.pose.heading_rad)
+            if math.copysign(1, velocity_rad_s) * turned_rad > _TURNED_RAD:
+                return now.stamp_s
         if time.monotonic() - began_s > _STARTING_S:
             raise RobotError(
                 "the base does not turn on command",
@@ -139,7 +159,7 @@ def stopped_after_s(readings: Sequence[OdometryReading], silent_s: float) -> flo
     for first in later:
         window = [reading for reading in later if 0 <= reading.stamp_s - first.stamp_s <= _REST_S + 1e-3]
         span_s = window[-1].stamp_s - first.stamp_s
-        turned_rad = max(abs(reading.pose.heading_rad - first.pose.heading_rad) for reading in window)
+        turned_rad = max(abs(wrap_angle(reading.pose.heading_rad - first.pose.heading_rad)) for reading in window)
         if len(window) > 2 and span_s > 0.6 * _REST_S and turned_rad < _REST_SHARE * _TURN_RAD_S * _REST_S:
             return first.stamp_s - silent_s
     return None

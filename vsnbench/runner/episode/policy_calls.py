@@ -104,7 +104,7 @@ class PolicyCalls:
         """
         if self._policy.asks_operator and self._says_arrived():
             return Decision(Action.STOP, StopSource.OPERATOR)
-        visible = shown_to_policy(observation, self._card.sensors, budget)
+        visible = shown_to_policy(observation, self._card.sensors, budget, self._card.cameras)
         if earlier := [seen for seen in self._history if seen.stamp_s < observation.stamp_s]:
             visible = with_changes(visible, history=newest_of(earlier, visible, self._card.history))
         self._history, self._answered_s = (), observation.stamp_s
@@ -123,7 +123,7 @@ class PolicyCalls:
             SensorLostError: the observation lacks a sensor of the card.
         """
         if self.takes_history and observation.stamp_s > self._answered_s:
-            seen = shown_to_policy(observation, self._card.sensors)
+            seen = shown_to_policy(observation, self._card.sensors, roles=self._card.cameras)
             self._history = (*newest_of(self._history, seen, self._card.history - 1), seen)
 
     def end(self) -> None:

@@ -6,7 +6,6 @@ within one action. Where every core runs a worker, each step is written before t
 """
 
 import logging
-from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,8 +22,8 @@ from vsnbench.results.files.episode_entries import (
     EventEntry,
     StepEntry,
 )
-from vsnbench.results.files.film import FILM, RecordedFrame, StampedPose, film_to_json
-from vsnbench.results.files.images import EpisodeImages, WrittenImages, hash_images
+from vsnbench.results.files.film import FILM, StampedPose, film_to_json
+from vsnbench.results.files.images import CAMERAS, EpisodeImages, WrittenImages, cameras_to_json, hash_images
 from vsnbench.results.files.mark_photos import MarkPhotos
 from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
@@ -141,6 +140,7 @@ class EpisodeRecorderFanOut:
             begin=start,
             parameters=plan.parameters,
             robot_radius_m=self._robot.base.radius_m,
+            cameras=tuple(sorted(self._robot.cameras)),
         )
         if options.viewer is not None:
             self._sink = options.viewer.open_episode(header, directory)
@@ -218,7 +218,8 @@ class EpisodeRecorderFanOut:
         )
         record = record_of_step(step, images)
         self._journal.append_step(self._claim.id, record)
-        self._show(StepEntry(record, step.decision, images.rgb_jpeg, images.depth_png, images.film))
+        further = {role.value: (seen.rgb_jpeg, seen.depth_png) for role, seen in images.cameras.items()}
+        self._show(StepEntry(record, step.decision, images.rgb_jpeg, images.depth_png, images.film, further))
 
     def _show(self, entry: Entry) -> None:
         if self._sink is not None:
@@ -255,15 +256,17 @@ def record_of_step(step: Step, images: WrittenImages) -> StepRecord:
         depth_file_digest=depth_file_digest,
         timings=step.timings,
         probabilities=decision.diagnostics.probabilities,
-        details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation, images.film),
+        details=diagnostics_to_details(decision.diagnostics) | sensing_details(observation, images),
     )
 
 
-def sensing_details(observation: Observation, film: Sequence[RecordedFrame] = ()) -> dict[str, Any]:
+def sensing_details(observation: Observation, images: WrittenImages | None = None) -> dict[str, Any]:
     """Return how the observation was sensed, as part of a step's `details`; empty if nothing is known."""
     sensing: dict[str, Any] = dict(observation.sensing)
     if observation.depth_stamp_s is not None:
         sensing["depth_stamp_s"] = observation.depth_stamp_s
-    if film:
-        sensing[FILM] = film_to_json(film)
+    if images is not None and images.film:
+        sensing[FILM] = film_to_json(images.film)
+    if images is not None and images.cameras:
+        sensing[CAMERAS] = cameras_to_json(images.cameras)
     return {SENSING: sensing} if sensing else {}

@@ -44,7 +44,7 @@ from vsnbench.runtime.time_limits import call_interrupted
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
 from vsnbench.values.action import ActionKind
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import RobotIdentity
 
@@ -183,14 +183,8 @@ def open_trial_setup(spec: TrialSetupSpec) -> Iterator[TrialSetup]:
         try:
             spec = replace(spec, goals=choose_goals(spec.goals, spec.site, policy.card))
             used = policy.card.sensors | (frozenset() if spec.keep is KeepFiles.NONE else {Sensor.RGB})
-            with open_robot(
-                spec.robot,
-                spec.site,
-                spec.parameters,
-                noise=spec.noise,
-                rehearsal=spec.rehearsal,
-                read=used,
-            ) as robot:
+            how = {"noise": spec.noise, "rehearsal": spec.rehearsal}
+            with open_robot(spec.robot, spec.site, spec.parameters, **how, read=used) as robot:
                 yield prepare_setup(spec, policy, robot)
         finally:
             close_policy(policy)
@@ -244,15 +238,15 @@ def prepare_setup(spec: TrialSetupSpec, policy: LoadedPolicy, robot: Robot) -> T
         seen_camera=crop or camera,
         sessions=sessions,
     )
-    _check_sensors(description)
+    _check_sensors(description, robot.cameras)
     _check_action_kinds(description, robot.action_kinds)
     _check_weights(description)
     check_disturbances(spec.disturbances, robot)
     check_execution(spec.parameters, spec.disturbances, robot, description.card)
     if isinstance(model, StackPolicy):
         model.join(robot.exchange)
-    controls = model.controls if isinstance(model, Human) else None
-    return TrialSetup(robot, policy if crop is None else CroppedPolicy(policy, camera, crop), description, controls)
+    seen = policy if crop is None else CroppedPolicy(policy, camera, crop)
+    return TrialSetup(robot, seen, description, model.controls if isinstance(model, Human) else None)
 
 
 def close_policy(policy: Policy) -> None:
@@ -272,23 +266,28 @@ def close_policy(policy: Policy) -> None:
 
 
 def _end_with_stuck_model() -> None:
-    os.write(
-        2,
-        b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n",
+    text = (
+        b"vsnbench: error: a model does not return from close; the process ends, and every finished step is recorded\n"
     )
+    os.write(2, text)
     end_process_now(ExitCode.FAILED)
 
 
-def _check_sensors(description: SetupDescription) -> None:
+def _check_sensors(description: SetupDescription, cameras: frozenset[CameraRole]) -> None:
     card, robot = description.card, description.robot.profile.name
-    missing = card.sensors - description.sensors
-    if missing:
-        labels = Sensor.INSTANCES in missing
+    if missing := card.sensors - description.sensors:
+        labels = "only the simulator labels instances: give the model a real detector's weights"
         raise UsageError(
             f"model {card.name} needs {', '.join(sorted(missing))}, which robot {robot} does not have; "
             f"it has {', '.join(sorted(description.sensors))}",
-            advice="only the simulator labels instances: give the model a real detector's weights" if labels else "",
+            advice=labels if Sensor.INSTANCES in missing else "",
             code="missing-sensor",
+        )
+    if further := card.cameras - cameras:
+        raise UsageError(
+            f"model {card.name} needs a {' and a '.join(sorted(further))} camera, which robot {robot} does not have",
+            advice="the profile of a simulated robot lists further cameras: docs/robots.md",
+            code="missing-camera",
         )
 
 

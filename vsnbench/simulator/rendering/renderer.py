@@ -80,14 +80,14 @@ def eye_of(camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> Eye:
     """Return the camera pose of a robot whose base is at `pose`, with an attitude."""
     if attitude != LEVEL:
         return _eye_on(camera, pose, attitude)
-    mount = pose.compose(Pose(camera.mount_forward_m, 0.0))
+    mount = pose.compose(Pose(camera.mount_forward_m, camera.mount_left_m, math.radians(camera.yaw_deg)))
     tilt_rad, roll_rad = math.radians(camera.tilt_deg), math.radians(camera.roll_deg)
     return Eye(mount.x_m, mount.y_m, camera.mount_height_m, mount.heading_rad, tilt_rad, roll_rad)
 
 
 def _eye_on(camera: Camera, pose: Pose, attitude: Attitude) -> Eye:
     level, (right, _, forward) = camera.on(attitude), camera.axes(attitude)
-    mount = pose.compose(Pose(level.mount_forward_m, 0.0, math.atan2(forward[1], forward[0])))
+    mount = pose.compose(Pose(level.mount_forward_m, level.mount_left_m, math.atan2(forward[1], forward[0])))
     eye = Eye(mount.x_m, mount.y_m, level.mount_height_m, mount.heading_rad, math.asin(forward[2]))
     upright = camera_axes(Eye(0.0, 0.0, 0.0, eye.heading_rad - pose.heading_rad, eye.tilt_rad))
     return replace(eye, roll_rad=math.atan2(float(right @ upright[1]), float(right @ upright[0])))

@@ -33,7 +33,7 @@ from vsnbench.values.observation import Observation, Sensor
 
 _MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
 
-_IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose")
+_IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose", "cameras")
 """Keys of an observation in the history of another one, which has the same camera."""
 
 RgbEncoding = Literal["raw", "jpeg"]
@@ -154,9 +154,13 @@ def observation_to_message(
     if Sensor.ODOMETRY in there:
         pose = observation.pose
         message["pose"] = [pose.x_m, pose.y_m, pose.heading_rad]
+    if observation.cameras:
+        message["cameras"] = {
+            role.value: observation_to_message(view, rgb=rgb, depth=depth) for role, view in observation.cameras.items()
+        }
     if observation.history:
         earlier = (observation_to_message(seen, rgb=rgb, depth=depth) for seen in observation.history)
-        message["history"] = [{name: content[name] for name in _IN_HISTORY} for content in earlier]
+        message["history"] = [{name: content[name] for name in _IN_HISTORY if name in content} for content in earlier]
     return message
 
 

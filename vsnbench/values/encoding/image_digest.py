@@ -41,6 +41,8 @@ class StepDigests:
     depth_file: str | None = None
     film: tuple[str, ...] = ()
     """Digests of the files of the images that were taken until the next answer took effect."""
+    cameras: "tuple[tuple[str, StepDigests], ...]" = ()
+    """Role of each further camera, with the digests of its images."""
 
 
 def rgb_digest(rgb: npt.NDArray[np.uint8]) -> str:

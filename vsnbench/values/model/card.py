@@ -11,6 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.action import Action, ActionKind, can_replace
+from vsnbench.values.camera import CameraRole
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.trained_camera import TrainedCamera
 from vsnbench.values.observation import MAX_HISTORY, Sensor
@@ -104,6 +105,9 @@ class ModelCard:
     history: Annotated[int, Field(ge=0, le=MAX_HISTORY)] = 0
     """Most observations that the model takes in `Observation.history`: those since the last call of `act`, of which the
     newest are kept. 0 for none. Part of the identity where it is not 0."""
+    cameras: Annotated[frozenset[CameraRole], Field(description="write frozenset({CameraRole.LEFT})")] = frozenset()
+    """Further cameras that the model needs, by role. The robot must have all of them; `front` is the main camera, which
+    every robot has. Part of the identity where it is not empty."""
     deterministic: bool = field(default=True, compare=False)
     """Whether the same seed and observations give the same actions. Not part of the identity."""
     surveyed: bool = False
@@ -137,6 +141,8 @@ class ModelCard:
             settings["anchor"] = self.anchor.value
         if self.history:
             settings["history"] = self.history
+        if self.cameras:
+            settings["cameras"] = sorted(self.cameras)
         return replace(self, settings=settings, files=files, code=code)
 
     def difference(self, other: Self) -> str:
