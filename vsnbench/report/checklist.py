@@ -282,7 +282,7 @@ def _untested(record: ReportData, summaries: Sequence[ConditionSummary]) -> Iter
             yield f"Site {condition.site}: its file is not in the record, so what was left out is unknown."
             continue
         goals = {goal for summary in there for goal in summary.own_goals}
-        possible = {goal.id for goal in site.goals} | (site.categories & set(GOAL_CATEGORIES))
+        possible = {goal.id for goal in site.goals} | {name for name in GOAL_CATEGORIES if name in site.categories}
         starts = {group.start for summary in there for group in summary.starts}
         left = [start.number for start in site.starts if start.number not in starts]
         yield (

@@ -35,7 +35,7 @@ order: blocks           # every arm once per cell, in random order; or shuffled,
 seed: {seed}            # determines schedule, codes and trials
 blind: {blind}          # show codes until `vsnbench study unblind`
 
-primary: {primary}   # in success, all pairs of arms; metric: progress for progress; or
+primary: {primary}   # difference: in success, all pairs of arms; metric: progress for progress; or
                               # {{kind: rate, arm: NAME, rate: 0.5}}, {{kind: equivalence}} up to the margin, or
                               # {{kind: non-inferiority, arm: NAME}}
 stopping: {stopping}          # plan: all trials; decided: until the primary analysis is decided

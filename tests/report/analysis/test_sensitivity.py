@@ -168,8 +168,8 @@ def test_failures_are_sorted_by_what_was_seen_and_done(lab: Lab) -> None:
     assert any("collided with: sofa-1 1" in note for note in table.notes)
     examples = {example["kind"]: example for example in found["examples"]}
     assert set(examples) == set(kinds)
-    assert examples[FailureKind.STOPPED_FAR]["words"] == (
-        "bed from starting position 3: 10 actions over 2.0 m, ended by stop, 4.00 m from the goal."
+    assert examples[FailureKind.STOPPED_FAR]["words"].startswith(
+        "bed from starting position 3: 10 actions over 2.0 m, ended by stop, 4.00 m from the goal"
     )
     assert examples[FailureKind.COLLISION]["words"].endswith("touching sofa-1.")
     narrative = narrative_table(summarise(record), [found])
