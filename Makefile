@@ -17,7 +17,7 @@ RERUN ?= --reruns 2 -r R
 
 FUZZ_SEED ?= 2
 FUZZ_COUNT ?= 600
-BENCHES ?= raster startup throughput pirlnav_latency
+BENCHES ?= raster scan_raster startup throughput pirlnav_latency
 
 .PHONY: help demo test test-others test-robots test-ros1 test-ros2 test-long check check-fast test-quick fmt fuzz bench bench-compare docs docs-site weights dist setup setup-test setup-dist setup-docs clean
 

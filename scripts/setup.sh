@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 kind=${1:-run}
 case $kind in
     run) extras="[viewer,video]" ;;
-    test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,docs,dev]" system="chromium postgresql ros" ;;
+    test) extras="[neural,viewer,postgresql,bags,video,lerobot,ray,scan,docs,dev]" system="chromium postgresql ros" ;;
     dist | docs) ;;
     *) echo "usage: scripts/setup.sh [run|test|dist|docs]" >&2; exit 2 ;;
 esac

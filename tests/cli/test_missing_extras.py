@@ -31,6 +31,7 @@ MISSING = [
     ("video", "av", "export video 1"),
     ("lerobot", "pyarrow", "export lerobot -o dataset"),
     ("ray", "ray", "run --model random --goal chair --workers ray://127.0.0.1:10001"),
+    ("scan", "trimesh", "sites scan none.glb lab.yaml"),
     ("ros2", "rclpy,rpyutils", "robots simulate turtlebot4"),
 ]
 
@@ -56,7 +57,7 @@ def without(hidden: str, line: str, results: Path) -> "subprocess.CompletedProce
         *line.split(),
         *([] if "ros2" in line else ["--results", str(results)]),
     ]
-    if "models check" in line or "--db" in line or "robots" in line:
+    if any(verb in line for verb in ("models check", "--db", "robots", "sites scan")):
         words = words[:-2]
     return subprocess.run(words, cwd=results.parent, capture_output=True, text=True, timeout=200)
 

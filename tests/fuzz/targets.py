@@ -16,6 +16,7 @@ from tests.fuzz import mutations
 from tests.fuzz.command_line import call
 from tests.fuzz.documents import DOCUMENTS
 from tests.fuzz.record import RecordTarget
+from tests.fuzz.scans import SCANS
 from tests.fuzz.target import SettingsFile, Target
 from tests.fuzz.weights import CHECKPOINTS, ONNX_FILE
 from vsnbench.errors import VsnbenchError
@@ -250,4 +251,5 @@ TARGETS: dict[str, type[Target]] = {
     "habitat": HabitatTarget,
     "upstream log": UpstreamLogTarget,
     "record": RecordTarget,
+    **SCANS,
 }

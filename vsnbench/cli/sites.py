@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsnbench.cli.site_scan import scan
 from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.output import Json, print_files, print_json, print_result
 from vsnbench.cli.support.terminal import safe
@@ -28,6 +29,7 @@ app = typer.Typer(
     vsnbench sites generate --seed 7 --output flat.yaml
     vsnbench sites export my-flat.yaml --map map.yaml
     vsnbench sites edit my-flat.yaml --underlay map.yaml
+    vsnbench sites scan flat.glb my-flat.yaml
     """,
 )
 
@@ -154,10 +156,12 @@ def check(
         findings = check_site(site, radius_m)
     name = site_name if site is None else site.name
     if site is not None and not any(finding.severity is Severity.ERROR for finding in findings):
+        from vsnbench.simulator.scan.comparison import scan_findings
         from vsnbench.simulator.scene import build_scene
 
         try:
             build_scene(site)  # only the simulator knows the appearances
+            findings += scan_findings(site)
         except SiteError as problem:
             findings.append(SiteFinding(Severity.ERROR, "unknown-look", f"site {site.name}:", str(problem)))
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
@@ -332,3 +336,6 @@ def export_site(
         raise UsageError(f"cannot write a map to {ros_map}", advice="name a file that ends in .yaml")
     site = _site(site_name)
     print_files(write_ros_map(map_of_site(site, resolution, furniture=furniture), ros_map), as_json=as_json)
+
+
+app.command()(scan)

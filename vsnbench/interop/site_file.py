@@ -10,11 +10,12 @@ from vsnbench.sites.site import Site
 _FRAME = "metres, x to the right, y up on the plan, headings counter-clockwise."
 
 
-def site_yaml(site: Site) -> str:
+def site_yaml(site: Site, made_by: str = "`vsnbench sites generate`") -> str:
     """Return a site as YAML: one line per wall, door, object and starting position."""
     content = site.model_dump(mode="json", exclude_defaults=True)
-    head = {key: content[key] for key in ("name", "title", "ceiling_height_m", "survey_error_m") if key in content}
-    lines = [f"# Made by `vsnbench sites generate`; {_FRAME}\n"]
+    names = ("name", "title", "ceiling_height_m", "survey_error_m", "scan")
+    head = {key: content[key] for key in names if key in content}
+    lines = [f"# Made by {made_by}; {_FRAME}\n"]
     lines.append(f"{dump_yaml(head)}\n")
     for part in ("rooms", "walls", "doors", "windows", "objects", "starts"):
         if content.get(part):

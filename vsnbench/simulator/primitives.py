@@ -6,6 +6,9 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.sites.scan import SiteScan
+from vsnbench.sites.site import SiteObject
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -67,6 +70,10 @@ class Scene:
     bounds: tuple[float, float, float, float]
     """(x_min, y_min, x_max, y_max) of the floor plan, metres."""
     ceiling_height_m: float
+    scan: SiteScan | None = None
+    """What the camera sees instead of the visible primitives."""
+    objects: tuple[SiteObject, ...] = ()
+    """The surveyed objects, which label the pixels of a scan; empty without one."""
 
     def shininess(self, objects: int) -> npt.NDArray[np.float32]:
         """Return the largest shininess of the parts of each instance (objects + 1,); 0 for the building."""

@@ -31,6 +31,7 @@ from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, GOAL_C
 from vsnbench.sites.fields import Color, Point, Slug, StrictModel, check_outline
 from vsnbench.sites.goals import SiteGoal, check_references
 from vsnbench.sites.length_unit import check_rooms
+from vsnbench.sites.scan import SiteScan
 from vsnbench.text.suggestions import closest
 from vsnbench.values.pose import Pose
 
@@ -205,6 +206,7 @@ class Site(StrictModel):
     objects: list[SiteObject] = Field(default=[])
     starts: list[StartingPosition] = Field(min_length=1)
     goals: list[SiteGoal] = Field(default=[], max_length=1000, description="goals beyond the categories of objects")
+    scan: SiteScan | None = Field(default=None, description="scan that the simulator draws instead of the survey")
 
     _is_in_metres = model_validator(mode="before")(check_rooms)
 
@@ -238,11 +240,13 @@ class Site(StrictModel):
 
     @model_serializer(mode="wrap")
     def _omit_default_survey_error(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Omit the default `survey_error_m`, which keeps hashes, and the goals, which have their own."""
+        """Omit the default `survey_error_m` and no scan, which keeps hashes, and the goals, which have their own."""
         content: dict[str, Any] = serialize(self)
         content.pop("goals", None)
         if self.survey_error_m == type(self).model_fields["survey_error_m"].default:
             content.pop("survey_error_m", None)
+        if self.scan is None:
+            content.pop("scan", None)
         return content
 
     @property
@@ -291,8 +295,8 @@ class Site(StrictModel):
         )
 
     def content(self) -> dict[str, Any]:
-        """Return the site as plain JSON values, as stored in the database."""
-        return self.model_dump(mode="json")
+        """Return the site as plain JSON values, as stored in the database; a scan counts by its hash."""
+        return self.model_dump(mode="json", exclude={"scan": {"file"}})
 
     @cached_property
     def sha256(self) -> str:

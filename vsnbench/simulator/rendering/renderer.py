@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vsnbench.errors import SiteError
 from vsnbench.simulator.primitives import Scene
 from vsnbench.simulator.rendering.light import LightMaps, light_of
 from vsnbench.simulator.rendering.mesh import Mesh, build_mesh
+from vsnbench.simulator.rendering.scan.drawing import ScanDrawer, View
+from vsnbench.simulator.rendering.scan.mesh import load_scan
 from vsnbench.simulator.rendering.textures import SKY, texture_atlas
 from vsnbench.values.camera import Camera
 from vsnbench.values.pose import LEVEL, Attitude, Pose
@@ -150,6 +153,9 @@ class Renderer:
     """
 
     def __init__(self, scene: Scene) -> None:
+        self._scan = _scan_of(scene)
+        if self._scan is not None:
+            return
         self._mesh, self._light = _prepared(scene)
         self._atlas, self._levels = texture_atlas()
         self._tones = _tone_table()
@@ -165,19 +171,35 @@ class Renderer:
         """Draw the view of a pinhole camera at any pose."""
         from vsnbench.simulator.rendering.shading import label_pixels
 
-        (look, seen), mesh = self._look(eye, _centred(width, height, focal_px)), self._mesh
-        instance = np.empty((height, width), np.int32)
+        pinhole, instance = _centred(width, height, focal_px), np.empty((height, width), np.int32)
+        if self._scan is not None:
+            scanned = self._scan_look(self._scan, eye, pinhole)
+            self._scan.label(_view(eye, pinhole), scanned.depth_m, instance)
+            return Frame(scanned.rgb, scanned.depth_m, instance)
+        (look, seen), mesh = self._look(eye, pinhole), self._mesh
         label_pixels(seen, mesh.owner, mesh.instances, instance)
         return Frame(look.rgb, look.depth_m, instance)
 
     def look(self, camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> Look:
         """Draw the view of a robot's camera without the simulator's labels."""
-        return self._look(eye_of(camera, pose, attitude), _centred(camera.width, camera.height, camera.focal_px))[0]
+        eye, pinhole = eye_of(camera, pose, attitude), _centred(camera.width, camera.height, camera.focal_px)
+        if self._scan is not None:
+            return self._scan_look(self._scan, eye, pinhole)
+        return self._look(eye, pinhole)[0]
 
     def measure(self, camera: Camera, pose: Pose, attitude: Attitude = LEVEL) -> npt.NDArray[np.float32]:
         """Return only the depth of `look`, (H, W) metres, without shading."""
-        pinhole = _centred(camera.width, camera.height, camera.focal_px)
-        return self._drawer.draw(eye_of(camera, pose, attitude), pinhole).depth_m
+        eye, pinhole = eye_of(camera, pose, attitude), _centred(camera.width, camera.height, camera.focal_px)
+        if self._scan is not None:
+            return self._scan.measure(_view(eye, pinhole), (pinhole.height, pinhole.width))
+        return self._drawer.draw(eye, pinhole).depth_m
+
+    @staticmethod
+    def _scan_look(scan: ScanDrawer, eye: Eye, pinhole: Pinhole) -> Look:
+        size = (pinhole.height, pinhole.width)
+        look = Look(np.empty((*size, 3), np.uint8), np.empty(size, np.float32))
+        scan.look(_view(eye, pinhole), look.rgb, look.depth_m)
+        return look
 
     def _look(self, eye: Eye, pinhole: Pinhole) -> tuple[Look, npt.NDArray[np.int32]]:
         """Return a view and the face index of each pixel."""
@@ -207,6 +229,21 @@ class Renderer:
         )
         soften(look.rgb)
         return look, seen
+
+
+def _scan_of(scene: Scene) -> ScanDrawer | None:
+    """Return the drawer of the scene's scan, or None without a scan."""
+    if scene.scan is None:
+        return None
+    if scene.scan.path is None:
+        raise SiteError("the scan of the site is not there", advice="use the site file next to the scan's file")
+    drawer = ScanDrawer(load_scan(scene.scan.path, scene.scan.sha256))
+    drawer.survey(scene.objects)
+    return drawer
+
+
+def _view(eye: Eye, pinhole: Pinhole) -> View:
+    return _position_of(eye), camera_axes(eye), pinhole.focal_px, pinhole.centre_x, pinhole.centre_y
 
 
 @lru_cache(maxsize=8)

@@ -161,7 +161,8 @@ class SiteEditor:
         """Return the camera image in the page's site without its goals, which may be incomplete."""
         with self._lock:
             document = self._document.with_content(_site_field(body) | {"goals": []})
-        return self._preview.image(parse_site(document.text, self._path.name), pose, full_size=full_size)
+        site = parse_site(document.text, self._path.name, self._path.parent)
+        return self._preview.image(site, pose, full_size=full_size)
 
     async def _underlay_image(self, _request: Request) -> Response:
         if self._underlay is None:

@@ -1,0 +1,1 @@
+"""Drawing of scans: triangles with textures, and the file that has them."""

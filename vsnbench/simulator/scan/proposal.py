@@ -1,0 +1,288 @@
+"""Proposes a site for a scan: walls with doorways, a room, what stands on the floor, and a first starting position."""
+
+import itertools
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon, box
+
+from vsnbench.errors import SiteError
+from vsnbench.protocol.free_space import free_space
+from vsnbench.simulator.rendering.scan.mesh import Bytes, ScanMesh
+from vsnbench.simulator.scan.occupancy import (
+    BAND_M,
+    CELL_M,
+    OUTLINE_M,
+    Floats,
+    occupied_points,
+    points_on,
+    surface_offsets,
+)
+from vsnbench.site_checks.map_walls.corners import WallLine
+from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, PlanGrid
+from vsnbench.site_checks.map_walls.lines import propose_walls
+from vsnbench.sites.scan import SiteScan
+from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall
+from vsnbench.values.pose import Pose
+
+OBSTACLE: Final = "obstacle"
+"""Category of what stands on the floor, until a person names it."""
+_WALL_BAND_M: Final = (1.4, 1.95)
+"""Heights in which a wall is seen above most furniture and below the tops of doors."""
+_SURFACE_M: Final = 0.05
+_TALL: Final = 0.55
+"""Share of that band that a wall's surface covers in a cell."""
+_LEAST_WALL_M: Final = 0.6
+_SINGLE_M: Final = 0.02
+"""Thickness of a wall of which one side was scanned."""
+_THICKEST_M: Final = 0.25
+"""Distance up to which two surfaces are the sides of one wall."""
+_NEAR_WALL_M: Final = 0.06
+_SMALLEST_M2: Final = 0.006
+_MOST_OBJECTS: Final = 400
+_CUT_M: Final = 1.9
+PLAN_M: Final = 0.02
+"""Side of a pixel of the top-down picture."""
+
+
+def propose_site(mesh: ScanMesh, name: str, scan: SiteScan) -> Site:
+    """Return a site for an aligned scan.
+
+    Raises:
+        SiteError: the scan has no walls (`scan-no-walls`), or no free place for a robot (`scan-no-room`).
+    """
+    samples = points_on(mesh)
+    walls = _walls(samples)
+    if not walls:
+        raise SiteError(
+            "the scan has no walls", advice="scan the walls up to a height of 2 m as well", code="scan-no-walls"
+        )
+    room = _outline(walls)
+    walls = [_without_ways_out(wall, room) for wall in _without_repetitions([*walls, *_closing(walls, room)])]
+    things = _things(samples, walls, room)
+    doors = [
+        Door(name=f"door-{number}", start=_point(start), end=_point(end))
+        for number, (start, end) in enumerate((gap for wall in walls for gap in wall.doorways), start=1)
+    ]
+    values = {
+        "name": name,
+        "ceiling_height_m": _ceiling(samples),
+        "survey_error_m": 0.03,
+        "rooms": [Room(name="flat", polygon=[_point(corner) for corner in room.exterior.coords[:-1]])],
+        "walls": [Wall(start=_point(wall.start), end=_point(wall.end), thickness_m=_thickness(wall)) for wall in walls],
+        "doors": doors,
+        "objects": things,
+        "scan": scan,
+    }
+    draft = Site(**values, starts=[StartingPosition(number=1, position=_point(room.centroid.coords[0]), heading_deg=0)])
+    space = free_space(draft.model_copy(update={"scan": None}), 0.18)
+    if not space.cells.any():
+        raise SiteError(
+            "the scan has no free floor for a robot",
+            advice="look at the top-down picture: is the scale right?",
+            code="scan-no-room",
+        )
+    row, column = np.unravel_index(int(np.argmax(space.clearance_m)), space.clearance_m.shape)
+    at = (round(float(space.x_m[row, column]), 2), round(float(space.y_m[row, column]), 2))
+    return Site(**values, starts=[StartingPosition(number=1, position=at, heading_deg=0.0, note="proposed")])
+
+
+def _thickness(wall: WallLine) -> float:
+    return min(max(round(wall.thickness_m, 2), 0.02), 0.9)
+
+
+def _point(values: tuple[float, ...]) -> tuple[float, float]:
+    return (round(float(values[0]), 3), round(float(values[1]), 3))
+
+
+def _ceiling(samples: Floats) -> float:
+    """Return the height of the ceiling: where most high points are, else 2.5 m."""
+    high = samples[samples[:, 2] > 1.9, 2]
+    if len(high) < 100:
+        return 2.5
+    bins = np.bincount((high / 0.02).astype(int))
+    return round(min(max((int(np.argmax(bins)) + 0.5) * 0.02, 1.6), 9.9), 2)
+
+
+def _walls(samples: Floats) -> list[WallLine]:
+    """Return the walls of points on surfaces: cells that are occupied over most of the band's height."""
+    import cv2
+
+    low, high = _WALL_BAND_M
+    inside = samples[(samples[:, 2] > low) & (samples[:, 2] < high)]
+    if not len(inside):
+        return []
+    corner = samples[:, :2].min(axis=0) - 0.3
+    shape = np.ceil((samples[:, :2].max(axis=0) + 0.3 - corner) / CELL_M).astype(int)
+    layers = math.ceil((high - low) / _SURFACE_M)
+    at = ((inside[:, :2] - corner) / CELL_M).astype(int)
+    layer = np.minimum(((inside[:, 2] - low) / _SURFACE_M).astype(int), layers - 1)
+    filled = np.zeros((shape[1], shape[0], layers), np.bool_)
+    filled[at[:, 1], at[:, 0], layer] = True
+    # A wall leans by the scan's drift: what its neighbours cover counts too.
+    wide = filled.copy()
+    wide[1:] |= filled[:-1]
+    wide[:-1] |= filled[1:]
+    wide[:, 1:] |= filled[:, :-1]
+    wide[:, :-1] |= filled[:, 1:]
+    occupied = (wide.mean(axis=2) >= _TALL) & filled.any(axis=2)
+    # Both surfaces of a wall become one.
+    across = round(_THICKEST_M / CELL_M)
+    solid = cv2.morphologyEx(occupied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((across, across), np.uint8))
+    cells = np.where(solid > 0, OCCUPIED, FREE).astype(np.uint8)
+    grid = PlanGrid(cells, CELL_M, Pose(float(corner[0]), float(corner[1])))
+    low_points = samples[(samples[:, 2] > BAND_M[0]) & (samples[:, 2] < BAND_M[1])]
+    return [_refined(wall, inside, low_points) for wall in propose_walls(grid, _LEAST_WALL_M)]
+
+
+def _refined(wall: WallLine, high_points: Floats, low_points: Floats) -> WallLine:
+    """Return a wall moved onto its surfaces, without doorways through which only the camera could pass (windows)."""
+    right_m, left_m = surface_offsets(high_points, wall.start, wall.end, wall.thickness_m / 2 + CELL_M)
+    if right_m is not None and left_m is not None and left_m - right_m > _SINGLE_M:
+        thickness_m, shift_m = left_m - right_m, (left_m + right_m) / 2
+    else:  # one side was scanned
+        thickness_m, shift_m = _SINGLE_M, (left_m or right_m or 0.0)
+    along = (np.array(wall.end) - wall.start) / wall.length_m
+    shift = np.array([-along[1], along[0]]) * shift_m
+
+    def moved(point: tuple[float, float]) -> tuple[float, float]:
+        x, y = (np.array(point) + shift).tolist()
+        return (x, y)
+
+    open_below = [
+        gap
+        for gap in wall.doorways
+        if math.dist(*gap) > 0.3 and surface_offsets(low_points, *gap, wall.thickness_m / 2 + 0.1) == (None, None)
+    ]
+    doorways = tuple((moved(first), moved(last)) for first, last in open_below)
+    return replace(wall, start=moved(wall.start), end=moved(wall.end), thickness_m=thickness_m, doorways=doorways)
+
+
+def _outline(walls: list[WallLine]) -> Polygon:
+    """Return the outline of the floor plan: what the walls enclose, with their doorways closed."""
+    footprints = shapely.union_all([_shape(wall) for wall in walls])
+    closed = footprints.buffer(0.45, join_style="mitre").buffer(-0.45, join_style="mitre")
+    parts = [Polygon(part.exterior) for part in _polygons(closed)]
+    whole = shapely.union_all(parts)
+    outline = max(_polygons(whole), key=lambda part: part.area)
+    if outline.area < 0.5 * footprints.envelope.area:  # open on a side
+        outline = box(*footprints.bounds)
+    return Polygon(shapely.simplify(outline, 0.03).exterior)
+
+
+def _closing(walls: list[WallLine], room: Polygon) -> list[WallLine]:
+    """Return walls along the parts of the outline where the scan has none, such as windows."""
+    missing = room.exterior.difference(shapely.union_all([_shape(wall) for wall in walls]).buffer(0.06))
+    lines = [line for line in shapely.get_parts(shapely.line_merge(missing)) if isinstance(line, shapely.LineString)]
+    corners = [shapely.simplify(line, 0.03).coords for line in lines]
+    return [
+        WallLine(_point(start), _point(end), _SINGLE_M)
+        for line in corners
+        for start, end in itertools.pairwise(line)
+        if math.dist(start, end) > 0.05
+    ]
+
+
+def _without_repetitions(walls: list[WallLine]) -> list[WallLine]:
+    """Return the walls that are not mostly inside a longer one."""
+    kept: list[WallLine] = []
+    for wall in sorted(walls, key=lambda wall: -wall.length_m):
+        shape = _shape(wall)
+        if all(shape.intersection(_shape(other).buffer(0.03)).area < 0.7 * shape.area for other in kept):
+            kept.append(wall)
+    return kept
+
+
+def _without_ways_out(wall: WallLine, room: Polygon) -> WallLine:
+    """Return a wall without the doorways that lead out of the outline: there the wall was hidden."""
+    inwards = room.buffer(-0.25)
+    return replace(
+        wall, doorways=tuple(gap for gap in wall.doorways if inwards.contains(shapely.LineString(gap).centroid))
+    )
+
+
+def _polygons(shape: shapely.Geometry) -> list[Polygon]:
+    parts = shape.geoms if isinstance(shape, MultiPolygon) else [shape]
+    return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
+
+
+def _shape(wall: WallLine) -> Polygon:
+    return shapely.LineString([wall.start, wall.end]).buffer(wall.thickness_m / 2, cap_style="square")
+
+
+def _things(samples: Floats, walls: list[WallLine], room: Polygon) -> list[SiteObject]:
+    """Return what stands in the way of a robot, as outlines with a height."""
+    near_walls = shapely.union_all(
+        [
+            _shape(wall)
+            .buffer(_NEAR_WALL_M, join_style="mitre")
+            .difference(
+                shapely.union_all(
+                    [
+                        shapely.LineString(gap).buffer(wall.thickness_m / 2 + 0.1, cap_style="flat")
+                        for gap in wall.doorways
+                    ]
+                )
+            )
+            for wall in walls
+        ]
+    )
+    cells = occupied_points(samples, *BAND_M)
+    if not len(cells):
+        return []
+    half = CELL_M / 2
+    squares = shapely.box(cells[:, 0] - half, cells[:, 1] - half, cells[:, 0] + half, cells[:, 1] + half)
+    merged = shapely.union_all(squares).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
+    standing = merged.difference(near_walls).intersection(room)
+    blobs = [
+        part
+        for part in _polygons(standing)
+        if part.area > _SMALLEST_M2 and not (part.buffer(-CELL_M).is_empty and part.distance(near_walls) < CELL_M)
+    ]
+    blobs.sort(key=lambda part: -part.area)
+    below, things = samples[samples[:, 2] < _CUT_M], []
+    for number, blob in enumerate(blobs[:_MOST_OBJECTS], start=1):
+        outline = Polygon(shapely.simplify(Polygon(blob.exterior), 0.015).exterior)
+        if not outline.is_valid or outline.area < _SMALLEST_M2 / 2:
+            outline = box(*blob.bounds)
+        x0, y0, x1, y1 = outline.bounds
+        shapely.prepare(outline)
+        low = below[(below[:, 0] > x0) & (below[:, 0] < x1) & (below[:, 1] > y0) & (below[:, 1] < y1)]
+        heights = low[shapely.contains_xy(outline, low[:, 0], low[:, 1]), 2]
+        top = float(np.percentile(heights, 98)) if len(heights) else BAND_M[1]
+        things.append(
+            SiteObject(
+                id=f"{OBSTACLE}-{number}",
+                category=OBSTACLE,
+                position=_point(((x0 + x1) / 2, (y0 + y1) / 2)),
+                size_m=(round(max(x1 - x0, 0.02), 3), round(max(y1 - y0, 0.02), 3), round(max(top, 0.05), 2)),
+                footprint=[_point(corner) for corner in outline.exterior.coords[:-1]],
+            )
+        )
+    return things
+
+
+def top_down(mesh: ScanMesh) -> tuple[Bytes, tuple[float, float]]:
+    """Return a picture of the scan from above, cut at a height of 1.9 m, and its lower left corner.
+
+    A pixel is `PLAN_M` wide; the camera is so high that walls show no sides.
+    """
+    from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
+
+    low = np.array([mesh.vertices[:, 0].min(), mesh.vertices[:, 1].min()]) - 0.2
+    size = np.ceil((np.array([mesh.vertices[:, 0].max(), mesh.vertices[:, 1].max()]) + 0.2 - low) / PLAN_M).astype(int)
+    size = np.minimum(size, 6000)
+    below = (mesh.vertices[mesh.faces][..., 2] < _CUT_M).all(axis=1)
+    kept = below if below.any() else np.ones(len(mesh.faces), np.bool_)
+    cut = ScanMesh(mesh.vertices, mesh.faces[kept], mesh.colors, mesh.texture[kept], mesh.uv[kept], mesh.textures)
+    height_m = 2000.0
+    middle = low + size * PLAN_M / 2
+    axes = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    view = (np.array([*middle, height_m]), axes, height_m / PLAN_M, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    rgb, depth = np.zeros((size[1], size[0], 3), np.uint8), np.zeros((size[1], size[0]), np.float32)
+    ScanDrawer(cut).look(view, rgb, depth)
+    rgb[np.isnan(depth)] = 255
+    return rgb, (float(low[0]), float(low[1]))

@@ -1,0 +1,305 @@
+"""Reads GLB, OBJ and PLY files of scanning apps with trimesh; everything is bounded before it is parsed."""
+
+import contextlib
+import importlib.util
+import io
+import logging
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsnbench.errors import SiteError
+from vsnbench.files.regular import open_regular
+from vsnbench.installation import command_to_add
+from vsnbench.simulator.rendering.scan.mesh import (
+    MOST_BYTES,
+    MOST_TEXELS,
+    MOST_TEXTURES,
+    MOST_TRIANGLES,
+    TEXTURE_STEP,
+    Bytes,
+    ScanMesh,
+)
+from vsnbench.simulator.rendering.scan.pixels import fill_holes, mark_triangles
+from vsnbench.simulator.scan.glb import check_glb
+
+DEFAULT_UP: Final = {".glb": "y", ".obj": "y", ".ply": "z"}
+"""Axis that points up, by the kind of file."""
+_MOST_IMAGE_BYTES = 100_000_000
+_MOST_MATERIAL_BYTES = 1_000_000
+_HEADER_BYTES = 16_384
+_MOST_OVERLAPS = 10
+_FORMATS = ("PNG", "JPEG", "WEBP")
+_DECIMATE = "decimate it in the scanning app, or in MeshLab (Quadric Edge Collapse Decimation)"
+_GREY = (160, 160, 160)
+
+
+def read_scan(path: Path) -> ScanMesh:
+    """Read the file of a scanning app, in its own frame and unit.
+
+    Raises:
+        SiteError: the file cannot be read (`unreadable-file`), is too large (`scan-too-large`), is not a mesh that can
+            be read (`invalid-scan`), or lacks a texture (`scan-texture`).
+    """
+    if path.suffix.lower() not in DEFAULT_UP:
+        raise SiteError(f"cannot read the scan {path}", advice="export it as .glb, .obj or .ply", code="invalid-scan")
+    if importlib.util.find_spec("trimesh") is None or importlib.util.find_spec("PIL") is None:
+        raise SiteError("reading scans needs trimesh", advice=f"run: {command_to_add('scan')}", code="missing-package")
+    data = _bytes_of(path, MOST_BYTES, "scan")
+    kind = path.suffix.lower()[1:]
+    files: dict[str, bytes] = {}
+    try:
+        if kind == "glb":
+            triangles = check_glb(data)
+        elif kind == "ply":
+            triangles, names = _check_ply(data)
+            files = {name: _beside(path, name, "texture") for name in names}
+        else:
+            triangles = _least_obj_triangles(data)
+            files = _materials(path, data)
+        if triangles > MOST_TRIANGLES:
+            raise SiteError(
+                f"{path} has {triangles:,} triangles; the limit is {MOST_TRIANGLES:,}",
+                advice=_DECIMATE,
+                code="scan-too-large",
+            )
+        return _joined(_geometries(data, kind, files))
+    except ValueError as problem:
+        reason = (str(problem).splitlines() or [""])[0][:200]
+        raise SiteError(
+            f"cannot read the scan {path}: {reason}", advice="export it again as .glb or .ply", code="invalid-scan"
+        ) from problem
+
+
+def _bytes_of(path: Path, most: int, what: str) -> bytes:
+    try:
+        with open_regular(path) as file:
+            data = file.read(most + 1)
+    except OSError as problem:
+        raise SiteError(
+            f"cannot read the {what} {path}: {problem.strerror or problem}",
+            advice=f"copy the {what} to that place" if what == "texture" else "",
+            code="scan-texture" if what == "texture" else "unreadable-file",
+        ) from problem
+    if len(data) > most:
+        raise SiteError(f"{path} has more than {most // 1_000_000} MB", advice=_DECIMATE, code="scan-too-large")
+    return data
+
+
+def _beside(scan: Path, name: str, what: str) -> bytes:
+    """Return the content of a file that a scan names; it must be in the scan's folder."""
+    root = scan.parent.resolve()
+    try:
+        path = (root / name.replace("\\", "/")).resolve()
+    except (OSError, RuntimeError, ValueError):
+        path = root.parent
+    if not path.is_relative_to(root) or path == root:
+        raise SiteError(
+            f"{scan} names the {what} {name[:100]!r} outside its folder",
+            advice="copy the file next to the scan and correct the name",
+            code="scan-texture",
+        )
+    return _bytes_of(path, _MOST_IMAGE_BYTES if what == "texture" else _MOST_MATERIAL_BYTES, "texture")
+
+
+def _materials(path: Path, data: bytes) -> dict[str, bytes]:
+    """Return the material file of an OBJ file and the textures that it names, by name."""
+    line = re.search(rb"^mtllib[ \t]+([^\r\n]{1,300})", data, re.MULTILINE)
+    if line is None:
+        return {}
+    name = line[1].decode("utf-8", "replace").strip()
+    files = {name: _beside(path, name, "material file")}
+    named = re.findall(rb"^[ \t]*map_Kd[ \t]+([^\r\n]{1,300})", files[name], re.MULTILINE | re.IGNORECASE)
+    if len(named) > MOST_TEXTURES:
+        raise ValueError(f"it has more than {MOST_TEXTURES} textures")
+    for texture in {entry.decode("utf-8", "replace").strip() for entry in named}:
+        files[texture] = _beside(path, texture, "texture")
+    if sum(map(len, files.values())) > MOST_BYTES:
+        raise ValueError(f"its textures have more than {MOST_BYTES // 1_000_000} MB")
+    return files
+
+
+def _least_obj_triangles(data: bytes) -> int:
+    if data.count(b"\nv ") > 3 * MOST_TRIANGLES or data.count(b"\nvt ") > 3 * MOST_TRIANGLES:
+        raise ValueError(f"it has more than {3 * MOST_TRIANGLES:,} vertices")
+    if re.search(rb"^[^\n]{2000}", data, re.MULTILINE):
+        raise ValueError("a line has more than 2,000 characters")
+    return data.count(b"\nf ")
+
+
+_PLY_BYTES = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2}
+_PLY_BYTES |= {"int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4, "double": 8, "float64": 8}
+
+
+def _check_ply(data: bytes) -> tuple[int, list[str]]:
+    """Return the number of faces and the names of textures in a PLY header, after comparing it with the file's size."""
+    end = data.find(b"end_header", 0, _HEADER_BYTES)
+    if not data.startswith(b"ply") or end < 0:
+        raise ValueError(f"it has no PLY header within {_HEADER_BYTES:,} bytes")
+    lines = data[:end].decode("ascii", "replace").splitlines()
+    counts: dict[str, int] = {}
+    textures, least, row = [], 0, 0
+    is_text = any(line.split()[1:2] == ["ascii"] for line in lines[:3])
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["element"]:
+            if len(words) != 3 or not words[2].isdigit() or len(words[2]) > 12 or words[1] in counts:
+                raise ValueError(f"its header has the line {line[:60]!r}")
+            row = counts[words[1]] = int(words[2])
+        elif words[:1] == ["property"]:
+            kind = words[2] if words[1:2] == ["list"] and len(words) > 2 else ([*words, ""])[1]
+            if kind not in _PLY_BYTES:
+                raise ValueError(f"its header has the type {kind[:20]!r}")
+            least += row * (2 if is_text else _PLY_BYTES[kind])
+        elif [word.lower() for word in words[:2]] == ["comment", "texturefile"]:
+            textures.append(" ".join(words[2:]))
+    if counts.get("vertex", 0) > 3 * MOST_TRIANGLES:
+        raise SiteError(
+            f"the scan has {counts['vertex']:,} vertices; the limit is {3 * MOST_TRIANGLES:,}",
+            advice=_DECIMATE,
+            code="scan-too-large",
+        )
+    if not counts.get("face"):
+        splat = any("f_dc_0" in line or "opacity" in line for line in lines)
+        what = "Gaussian splats, and no triangles" if splat else "no triangles"
+        raise ValueError(f"it has {what}: export the mesh of the same scan")
+    if counts["face"] <= MOST_TRIANGLES and least > len(data) - end:
+        raise ValueError("its header promises more than the file has")
+    return counts["face"], textures
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what trimesh logs about a broken file out of the terminal."""
+    log = logging.getLogger("trimesh")
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
+
+
+def _geometries(data: bytes, kind: str, files: dict[str, bytes]) -> list[Any]:
+    import trimesh
+
+    try:
+        with _quiet(), np.errstate(all="ignore"):
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=files, process=False)
+            return [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    except Exception as problem:  # a parser of broken files fails in any way
+        raise ValueError((str(problem).splitlines() or [type(problem).__name__])[0]) from problem
+
+
+def _joined(parts: list[Any]) -> ScanMesh:
+    """Return the parts of a scene as one mesh."""
+    if not parts:
+        raise ValueError("it has no triangles")
+    if sum(len(part.faces) for part in parts) > MOST_TRIANGLES:
+        raise SiteError(f"the scan has more than {MOST_TRIANGLES:,} triangles", advice=_DECIMATE, code="scan-too-large")
+    images: list[Any] = []
+    vertices, faces, colors, texture, uv = [], [], [], [], []
+    start = 0
+    for part in parts:
+        points, triangles = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+        if points.shape[1:] != (3,) or triangles.shape[1:] != (3,):
+            raise ValueError("its vertices do not have three coordinates")
+        if triangles.min() < 0 or triangles.max() >= len(points):
+            raise ValueError("a triangle has a vertex that does not exist")
+        image, coordinates, shade = _look_of(part, len(points))
+        number = -1
+        if image is not None:
+            number = next((index for index, known in enumerate(images) if known is image), len(images))
+            images += [image] if number == len(images) else []
+        vertices.append(points)
+        faces.append(triangles + start)
+        colors.append(shade)
+        texture.append(np.full(len(triangles), number, np.int32))
+        uv.append(coordinates[triangles])
+        start += len(points)
+    points, triangles, corners = np.concatenate(vertices), np.concatenate(faces), np.concatenate(uv)
+    whole = np.isfinite(points[triangles]).all(axis=(1, 2)) & np.isfinite(corners).all(axis=(1, 2))
+    whole &= (np.abs(corners) < 1e4).all(axis=(1, 2)) & (np.abs(points[triangles]) < 1e6).all(axis=(1, 2))
+    if not whole.any():
+        raise ValueError("it has no triangles with finite coordinates")
+    points[~(np.abs(points) < 1e6)] = 0.0  # of no triangle
+    mesh = ScanMesh(
+        points.astype(np.float32),
+        triangles[whole].astype(np.int32),
+        np.concatenate(colors),
+        np.concatenate(texture)[whole],
+        corners[whole].astype(np.float32),
+    )
+    pictures = _pixels(images)
+    for index, picture in enumerate(pictures):
+        _fill_unused(picture, mesh.uv[mesh.texture == index])
+    values = (mesh.vertices, mesh.faces, mesh.colors, mesh.texture, mesh.uv)
+    return ScanMesh(*values, textures=tuple(pictures))
+
+
+def _look_of(part: Any, count: int) -> tuple[Any, npt.NDArray[np.float64], Bytes]:
+    """Return the image (or None), the (V, 2) texture coordinates and the (V, 3) colours of a part."""
+    nowhere = np.zeros((count, 2))
+    colors = np.tile(np.array(_GREY, np.uint8), (count, 1))
+    visual = part.visual
+    try:
+        if visual.kind != "texture":
+            own = np.asarray(visual.vertex_colors)[:, :3]
+            return None, nowhere, own.astype(np.uint8) if own.shape == (count, 3) else colors
+        material = visual.material
+        image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        coordinates = visual.uv
+        if image is not None and coordinates is not None and np.shape(coordinates) == (count, 2):
+            return image, np.asarray(coordinates, np.float64) * [1.0, -1.0] + [0.0, 1.0], colors
+        colors[:] = np.asarray(material.main_color)[:3]
+    except Exception as problem:
+        raise ValueError(f"its colours cannot be read ({type(problem).__name__})") from problem
+    return None, nowhere, colors
+
+
+def _pixels(images: list[Any]) -> list[Bytes]:
+    """Return the pixels of images, scaled to sides that are multiples of TEXTURE_STEP and to MOST_TEXELS in total."""
+    import cv2
+
+    if len(images) > MOST_TEXTURES:
+        raise ValueError(f"it has more than {MOST_TEXTURES} textures")
+    sizes = [image.size for image in images]
+    if any(image.format not in (*_FORMATS, None) for image in images):
+        raise ValueError("a texture is neither PNG, JPEG nor WebP")
+    if any(width * height > 2 * MOST_TEXELS for width, height in sizes):
+        raise ValueError(f"a texture has more than {2 * MOST_TEXELS:,} pixels")
+    total = sum(width * height for width, height in sizes)
+    shrink = min(1.0, math.sqrt(0.9 * MOST_TEXELS / max(total, 1)), *(4096 / max(size) for size in sizes))
+    pictures = []
+    for image in images:
+        try:
+            pixels = np.asarray(image.convert("RGB"), np.uint8)
+        except Exception as problem:
+            raise ValueError(f"a texture cannot be decoded ({type(problem).__name__})") from problem
+        high, wide = (max(round(side * shrink / TEXTURE_STEP), 1) * TEXTURE_STEP for side in pixels.shape[:2])
+        if (high, wide) != pixels.shape[:2]:
+            smaller = wide * high < pixels.shape[0] * pixels.shape[1]
+            pixels = np.asarray(
+                cv2.resize(pixels, (wide, high), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR),
+                np.uint8,
+            )
+        pictures.append(np.ascontiguousarray(pixels).copy())
+    return pictures
+
+
+def _fill_unused(picture: Bytes, uv: npt.NDArray[np.float32]) -> None:
+    """Fill the pixels of a texture that no triangle shows, so that its smaller sizes have no foreign colours."""
+    if not ((uv > -0.01) & (uv < 1.01)).all():
+        return  # it repeats
+    corners = uv * np.array(picture.shape[1::-1], np.float32)
+    boxes = (corners.max(axis=1) - corners.min(axis=1) + 3).astype(np.float64).prod(axis=1)
+    if boxes.sum() > _MOST_OVERLAPS * picture.size:
+        return  # triangles share its pixels
+    shown = np.zeros(picture.shape[:2], np.bool_)
+    mark_triangles(corners, shown)
+    if not shown.all() and shown.any():
+        fill_holes(picture, shown)
