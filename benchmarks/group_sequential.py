@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import progress_errors
 from study_errors import ALPHA, Arms, chances, simulated
 
 from benchmarks.support.simulated_tables import Table, print_tables
@@ -59,15 +60,21 @@ def study_of(arms: int = 2, *, decided: bool = True, **changes: Any) -> StudyFil
 
 
 def covered_at_end(study: StudyFile, means: Floats, repetitions: int, ended: DecidedStudies, truth: float) -> Floats:
-    """Return the coverage of the interval at the end of each study, and of one by inverting sign flips: (2,)."""
+    """Return the coverage of the interval at the end of each study, and of one by inverting sign flips: (2,).
+
+    For progress, whose sign flips take long, the second is NaN.
+    """
     looks = looks_of(study, means.shape[2])
-    tested = sequential_signs((means[0] - means[1]).mean(2) - truth, looks, ALPHA / 2, study.spending)
-    inside, inverted = np.zeros(len(ended.units), bool), np.zeros(len(ended.units), bool)
+    inside, inverted = np.zeros(len(ended.units), bool), np.full(len(ended.units), np.nan)
+    if not study.of_progress:
+        tested = sequential_signs((means[0] - means[1]).mean(2) - truth, looks, ALPHA / 2, study.spending)
+        inverted[:] = 0
     for place, (look, weight) in enumerate(zip(looks, look_weights(looks, study.spending), strict=True)):
         found = paired_intervals(means[0][:, :look], means[1][:, :look], repetitions, 1 - ALPHA * weight)
         here = ended.units == look
         inside |= here & (found.low <= truth + 1e-9) & (found.high >= truth - 1e-9)
-        inverted |= here & (tested[:, place] == 0)
+        if not study.of_progress:
+            inverted += here & (tested[:, place] == 0)
     return np.array([inside.mean(), inverted.mean()])
 
 
@@ -152,7 +159,9 @@ def _means(
     return np.asarray(random.binomial(repetitions, chance) / repetitions, np.float64)
 
 
-def margin_line(studies: int, starts: int, margin: float, middle: float, strength: float) -> str:
+def margin_line(
+    studies: int, starts: int, margin: float, middle: float, strength: float, *, skewed: bool = False
+) -> str:
     """Return a line of the table `equivalence`, with the percentages at 1, 2 and 5 repetitions."""
     questions = {
         "equivalence": {"primary": {"kind": "equivalence"}},
@@ -164,17 +173,44 @@ def margin_line(studies: int, starts: int, margin: float, middle: float, strengt
         looks = looks_of(study, starts)
         shares: dict[float, list[float]] = {}
         for true, repetitions in itertools.product((margin, 0.0), REPETITIONS):
-            arms = Arms(middle + true / 2, middle - true / 2, strength)
-            random = np.random.default_rng(
-                [starts, round(100 * margin), round(100 * middle), repetitions, int(true > 0)]
-            )
+            # With B the same everywhere, the better arm is B.
+            gap = -true if skewed else true
+            arms = Arms(middle + gap / 2, middle - gap / 2, strength, skewed)
+            seed = [starts, round(100 * margin), round(1000 * middle), repetitions, int(true > 0), int(skewed)]
+            random = np.random.default_rng(seed)
             means = simulated(random, studies, arms, repetitions, starts).mean(-1)
-            if question == "non-inferiority":
+            if question == "non-inferiority" and not skewed:
                 means = means[::-1]  # the arm in question is the worse one
             found = looked_studies(study, means, repetitions, looks)
             shares.setdefault(true, []).append(100 * float(np.mean(found.signs > 0)))
         columns += [joined(shares[margin]), joined(shares[0.0], 0)]
-    return f"| {starts} | {100 * margin:.0f} | {middle} | {strength:g} | {' | '.join(columns)} |"
+    kind = "B the same everywhere" if skewed else "both by position"
+    return f"| {starts} | {kind} | {100 * margin:.0f} | {middle} | {strength:g} | {' | '.join(columns)} |"
+
+
+def progress_line(studies: int, strength: float, first: float, second: float, *, skewed: bool = False) -> str:
+    """Return a line of the table `progress`, with the percentages at 1, 2 and 5 repetitions."""
+    study, shares = study_of(primary={"metric": "progress"}), []
+    for repetitions in REPETITIONS:
+        arms = progress_errors.Arms(first, second, strength, together=True, skewed=skewed)
+        seed = [repetitions, *(round(100 * value) for value in (first, second, strength)), int(skewed)]
+        _, values, truth = progress_errors.simulated(np.random.default_rng(seed), studies, arms, repetitions)
+        truth = 0.0 if first == second and not skewed else truth
+        means = values.mean(-1)
+        ended = looked_studies(study, means, repetitions, looks_of(study, means.shape[2]))
+        covered = covered_at_end(study, means, repetitions, ended, truth)[0]
+        named = np.mean(ended.signs > 0) if first > second else np.mean(ended.signs != 0)
+        shares.append((100 * float(named), float(ended.units.mean()), 100 * float(covered), 100 * truth))
+    named, run, covered, truths = ([line[place] for line in shares] for place in range(4))
+    kind = "B the same everywhere" if skewed else "both by position"
+    return (
+        f"| {kind} | {first} | {second} | {strength:g} | {truths[0]:+.1f} | {joined(named)} | {joined(run)} "
+        f"| {joined(covered)} |"
+    )
+
+
+_MORE_STUDIES = 10
+"""The other studies for a line of `study plan`, in multiples of the number of a line."""
 
 
 def planned_line(studies: int, starts: int, repetitions: int, difference: float, question: dict[str, Any]) -> str:
@@ -182,8 +218,9 @@ def planned_line(studies: int, starts: int, repetitions: int, difference: float,
     study = study_of(**question)
     design = Design(starts, len(GOALS), repetitions, 0.5, ASSUMED, study.alpha)
     planned = planned_power(study, design, (difference,))[0]
-    outcomes = simulated_arms(np.random.default_rng(99), design, difference, studies)
-    ended = looked_studies(study, outcomes.mean(-1), repetitions, looks_of(study, starts))
+    random = np.random.default_rng(99)
+    means = [simulated_arms(random, design, difference, studies).mean(-1) for _ in range(_MORE_STUDIES)]
+    ended = looked_studies(study, np.concatenate(means, axis=1), repetitions, looks_of(study, starts))
     run = float(ended.units.mean()) * len(GOALS) * repetitions
     shown = 100 * float(np.mean(ended.signs > 0))
     wrong = 100 * float(np.mean(ended.signs < 0 if difference else ended.signs != 0))
@@ -202,7 +239,11 @@ def tables(studies: int) -> dict[str, Table]:
     equal = itertools.product((15, 8), (False, True), (1.0, 2.5), (0.1, 0.3, 0.5, 0.7, 0.9))
     different = itertools.product((15, 8), REPETITIONS, (1.0, 2.5), (0.2, 0.3))
     several = [*itertools.product((3,), (15,), (0.5,), (2.5,), REPETITIONS), (5, 15, 0.5, 2.5, 1), (3, 8, 0.5, 2.5, 2)]
+    # Of 23 designs that were tried, the ones with the most errors, and the four of the first edition of this table.
     margins = [(15, 0.3, 0.3, 2.5), (15, 0.3, 0.8, 1.0), (15, 0.15, 0.8, 1.0), (8, 0.3, 0.8, 2.5)]
+    margins += [(15, 0.15, 0.875, 2.5), (15, 0.15, 0.125, 2.5), (15, 0.2, 0.85, 2.5)]
+    skewed = [(15, 0.15, 0.875, 2.5), (15, 0.15, 0.825, 2.5), (15, 0.3, 0.8, 2.5)]
+    progress = [(2.5, rate, rate) for rate in (0.1, 0.5, 0.9)] + [(1.0, 0.5, 0.5), (2.5, 0.65, 0.35), (1.0, 0.65, 0.35)]
     questions: list[dict[str, Any]] = [{}, {"primary": {"kind": "equivalence"}, "margin": 0.3}]
     plans = [(15, 1, gap, questions[0]) for gap in (0.0, 0.15, 0.2, 0.3)] + [
         (15, 2, gap, questions[0]) for gap in (0.2,)
@@ -242,12 +283,25 @@ def tables(studies: int) -> dict[str, Table]:
         "equivalence": (
             [
                 (
-                    "| positions | margin | mean rate | logit SD | **equivalent, plan** | power | **looks** | power "
-                    "| **not inferior, plan** | power | **looks** | power |"
+                    "| positions | arms | margin | mean rate | logit SD | **equivalent, plan** | power | **looks** "
+                    "| power | **not inferior, plan** | power | **looks** | power |"
                 ),
-                "| ---: | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- | --- | --- |",
+                "| ---: | --- | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- | --- | --- |",
             ],
-            [partial(margin_line, studies, *each) for each in margins],
+            [
+                *(partial(margin_line, studies, *each) for each in margins),
+                *(partial(margin_line, studies, *each, skewed=True) for each in skewed),
+            ],
+        ),
+        "progress": (
+            [
+                (
+                    "| arms | success of A | of B | logit SD | points of progress | **named** | positions run "
+                    "| **covered** |"
+                ),
+                "| --- | ---: | ---: | ---: | ---: | --- | --- | --- |",
+            ],
+            [partial(progress_line, studies, *each) for each in progress],
         ),
         "study plan": (
             [

@@ -13,6 +13,7 @@ import pytest
 from tests.cli.console import vsnbench
 from tests.results.records_of_a_lab import begun, plan, run, stopped, void
 from tests.sites.goal_sites import write_site
+from tests.study.studies import study_text
 from tests.web.results_browser.served_record import make_record
 from tests.web.second_judgement import blind_record
 from vsnbench.results.database_url import sqlite_url
@@ -21,6 +22,15 @@ from vsnbench.settings.yaml_text import load_yaml
 
 TABLE = load_yaml((Path(__file__).parent / "commands.yaml").read_text(encoding="utf-8"))
 ROWS = [(where, *row) for where, rows in TABLE.items() for row in rows]
+EQUIVALENCE = {"primary": {"kind": "equivalence"}}
+STUDIES: dict[str, dict[str, Any]] = {
+    "one-start": {"starting_positions": "3"},
+    "one-start-decided": {"starting_positions": "3", "stopping": "decided"},
+    "late-look": {"starting_positions": "1-8", "stopping": "decided", "looks": [8, 15]},
+    "zero-margin": {**EQUIVALENCE, "margin": 0},
+    "wide-margin": {**EQUIVALENCE, "margin": 1.2},
+}
+"""Plans in the folder `record` that a study refuses."""
 ENDED = re.compile(r"\(code ([\w-]+), exit code \d\)$", re.MULTILINE)
 """The code of an error in a log file."""
 
@@ -33,6 +43,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_site(folder)
     (folder / "broken.yaml").write_text("name: lab\nrooms: []\nwalls: []\nstarts: []\nceiling_height_m: low\n")
     (folder / "file").write_text("no directory")
+    for name, changes in STUDIES.items():
+        (folder / f"{name}.yaml").write_text(study_text(**changes), encoding="utf-8")
     return folder
 
 

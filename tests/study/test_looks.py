@@ -11,8 +11,9 @@ from vsnbench.errors import StudyError
 from vsnbench.report.study.conclusion import conclusion
 from vsnbench.report.study.primary import analyse
 from vsnbench.statistics.conclusion import Conclusion
+from vsnbench.statistics.multiple import simultaneous
 from vsnbench.study.file import StudyFile, parse_study
-from vsnbench.study.looks import earliest_decision, looks_of
+from vsnbench.study.looks import confidence_of, earliest_decision, looks_of
 from vsnbench.study.power import design_of_study, looked_studies, simulated_arms
 from vsnbench.study.stopping import decide
 from vsnbench.study.units import Block
@@ -73,7 +74,8 @@ def test_a_winner_needs_the_interval_too_and_the_interval_is_the_one_that_is_rep
 
 
 @pytest.mark.parametrize(
-    ("changes", "difference"), [({}, 0.4), (EQUIVALENT, 0.1), (NOT_INFERIOR, 0.1), ({"margin": 0.1}, 0.5)]
+    ("changes", "difference"),
+    [({}, 0.4), ({**EQUIVALENT, "margin": 0.4}, 0.1), (NOT_INFERIOR, 0.1), ({"margin": 0.1}, 0.5)],
 )
 def test_simulated_studies_end_as_the_study_itself_would(changes: dict[str, Any], difference: float) -> None:
     study = looked(**changes)
@@ -119,6 +121,17 @@ def test_a_whole_plan_is_analysed_once_by_the_same_test(changes: dict[str, Any])
     missing = [*trials[:-1], standing(study, 12, lambda *_: None)[-1]]
     (answer,) = analyse(study, missing).answers
     assert answer.conclusion is Conclusion.INCOMPLETE
+
+
+def test_the_interval_of_equivalence_is_the_one_of_a_difference_and_of_compare() -> None:
+    def shown(_arm: str, goal: str, start: int) -> bool:
+        return (start + len(goal)) % 3 == 0
+
+    plans = (small_study(), small_study(**EQUIVALENT))
+    one, other = (analyse(study, standing(study, 12, shown)).answers[0] for study in plans)
+    assert (one.low, one.high) == (other.low, other.high)
+    assert confidence_of(small_study(**EQUIVALENT)) == simultaneous(1)
+    assert confidence_of(small_study(**EQUIVALENT, **THREE)) == simultaneous(3)
 
 
 def test_progress_decides_a_study_in_which_nobody_succeeds() -> None:

@@ -134,7 +134,7 @@ class Report:
         return tables
 
     def _activity_tables(self, activity: Activity) -> list[ReportTable]:
-        from vsnbench.report.tables.failures import failure_table, judgement_table
+        from vsnbench.report.tables.failures import failure_table, judgement_table, narrative_table
         from vsnbench.report.tables.progress import progress_tables
         from vsnbench.report.tables.reference import paper_stability_table
 
@@ -145,7 +145,11 @@ class Report:
             tables.append(paper_stability_table())
         if activity.actions:
             tables.append(action_table(self.results, activity.actions))
-        found = (failure_table(self.results, activity.failures), judgement_table(self.results, activity.judgements))
+        found = (
+            failure_table(self.results, activity.failures),
+            narrative_table(self.results, activity.failures),
+            judgement_table(self.results, activity.judgements),
+        )
         tables += [table for table in found if table]
         return [*tables, *progress_tables(self.record, self.results, activity)]
 

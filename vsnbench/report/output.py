@@ -30,7 +30,8 @@ def write_report(
     """Write all files of a report and return their paths.
 
     `report.html` (self-contained), `report.md`, `report.csv`, `report.json`, `tables.tex` and a file of `tables/`
-    for each table to paste into a paper, `report.tex` to compile, and `figures/` with SVG, PDF and PNG of each figure.
+    for each table to paste into a paper, `report.tex` to compile, `figures/` with SVG, PDF and PNG of each figure, and
+    `pictures/` with the images of the failures in the table `narrative`.
 
     Args:
         report: the report.
@@ -70,9 +71,27 @@ def write_report(
         files[f"figures/{drawing.name}.svg"] = drawing.svg()
         files[f"figures/{drawing.name}.pdf"] = drawing.pdf()
         files[f"figures/{drawing.name}.png"] = drawing.png()
+    files |= _pictures(report)
     for name, content in files.items():
         write_atomic(directory / name, content)
     return tuple(directory / name for name in files)
+
+
+def _pictures(report: "Report") -> dict[str, bytes]:
+    """Return the images of the failures that the table `narrative` names, by file."""
+    from vsnbench.report.figures.frame_strips import frame_strip
+    from vsnbench.report.tables.failures import picture_file
+
+    record, failures = report.record, report.activity.failures if report.activity else ()
+    examples = {example["episode"] for found in failures for example in found["examples"] if example["pictured"]}
+    if record.results_directory is None or not examples:
+        return {}
+    rows = record.episodes[record.episodes["episode"].isin(examples)]
+    strips = {
+        picture_file(int(episode)): frame_strip(record.results_directory, str(images))
+        for episode, images in zip(rows["episode"], rows["images_directory"], strict=True)
+    }
+    return {name: strip.jpeg for name, strip in strips.items() if strip is not None}
 
 
 def named(items: Sequence[Named], names: Sequence[str], option: str) -> list[Named]:

@@ -59,12 +59,15 @@ class Powered:
         return max(0.0, self.worth - self.cells)
 
 
-def powered(driven: Sequence[PredictedCell], others: Sequence[OnlyPredicted]) -> Powered | None:
+def powered(
+    driven: Sequence[PredictedCell], others: Sequence[OnlyPredicted], confidence: float = CONFIDENCE
+) -> Powered | None:
     """Return the prediction-powered success rate over all cells.
 
     Args:
         driven: cells with real trials, chosen independently of the simulated outcomes.
         others: cells with simulated trials only.
+        confidence: of the intervals.
 
     Returns:
         None with fewer than three real cells or starting positions, or if no cell has simulated trials only.
@@ -86,9 +89,9 @@ def powered(driven: Sequence[PredictedCell], others: Sequence[OnlyPredicted]) ->
     freedom = min(plain.freedom, float(len(driven) - 1))
 
     def at(rate: float) -> Interval:
-        return wilson_at(rate, plain.trials * gain, CONFIDENCE, freedom)
+        return wilson_at(rate, plain.trials * gain, confidence, freedom)
 
-    plain_interval, shorter = plain.interval(CONFIDENCE), at(plain.rate)
+    plain_interval, shorter = plain.interval(confidence), at(plain.rate)
     if shorter.high - shorter.low >= plain_interval.high - plain_interval.low:
         return Powered(plain.rate, plain_interval, plain.rate, plain_interval, 0.0, len(driven), len(driven))
     rate = min(1.0, max(0.0, point(real, predicted, elsewhere, tuning)))

@@ -119,6 +119,13 @@ class StudyFile(BaseModel):
     )
     starting_positions: str | None = Field(default=None, description="such as 1-15,20; default: all of the site")
     repetitions: int = Field(default=1, ge=1, le=1000, description="trials of each arm per goal and starting position")
+    real_cells: int | None = Field(
+        default=None,
+        ge=6,
+        le=100_000,
+        description="number of cells (goal and starting position) that are drawn at random for real trials; simulated "
+        "trials of all cells, run before, predict the others (a planned twin)",
+    )
     protocol: ProtocolParameters = Field(
         default_factory=ProtocolParameters, description="name of a protocol, or its parameters"
     )
@@ -226,6 +233,8 @@ class StudyFile(BaseModel):
                 raise ValueError("looks: require test: sign-flips; bets are evaluated after every unit")
             if not self.looks or min(self.looks) < 2 or list(self.looks) != sorted(set(self.looks)):
                 raise ValueError("looks: must be increasing numbers of starting positions from 2, such as [8, 11, 15]")
+        if self.real_cells is not None and (self.primary.kind, self.stopping) != ("rate", "plan"):
+            raise ValueError("real_cells: requires primary: {kind: rate} and stopping: plan; a twin predicts one rate")
         if self.of_margin and not self.margin:
             raise ValueError(
                 f"margin: must be above 0 for primary: {self.primary.kind}; give the largest difference that does not "

@@ -15,7 +15,7 @@ from vsnbench.text.sanitize import sanitize
 SUFFIX = ".lock"
 FROZEN = (
     *("arms", "goals", "site", "robot", "noise", "rehearse"),
-    *("starting_positions", "repetitions", "protocol", "order", "seed", "blind"),
+    *("starting_positions", "repetitions", "real_cells", "protocol", "order", "seed", "blind"),
 )
 """Fields that cannot be amended, because they define the experiment."""
 JUDGING = ("primary", "stopping", "about", "test", "looks", "spending", "alpha", "margin")

@@ -76,13 +76,13 @@ def _above(differences: tuple[float, ...], looks: tuple[int, ...], spending: flo
 
 
 def confidence_of(study: StudyFile, weight: float = 1.0) -> float:
-    """Return the confidence of one interval: of all pairs together, with two tests of one side each for equivalence.
+    """Return the confidence of one interval, whatever the question: the intervals of all pairs hold together.
 
     Args:
         study: the plan.
         weight: share of alpha of the look.
     """
-    return 1 - (2 if study.of_margin else 1) * study.alpha * weight / len(arm_pairs(study))
+    return 1 - study.alpha * weight / len(arm_pairs(study))
 
 
 def conclusion_of(study: StudyFile, evidence: DifferenceEvidence) -> Conclusion:

@@ -86,6 +86,8 @@ def _draw(
             "the site excludes every shared goal from every starting position of the study "
             "(not_for of the start, or starts of the goal)"
         )
+    if study.real_cells is not None:
+        cells = _real_cells(study, cells)
     if study.order == "blocks":
         cells = _shuffled(cells, f"{study.seed}/blocks")
     if start_by_start:
@@ -103,6 +105,24 @@ def _draw(
     )
     letters = zip(_shuffled(sorted(study.arms), f"{study.seed}/codes"), ascii_uppercase, strict=False)
     return Schedule(trials, dict(letters))
+
+
+def _real_cells(study: StudyFile, cells: Sequence[_Cell]) -> list[_Cell]:
+    """Return the cells of the shared goals that are drawn for real trials, and the cells of other goals.
+
+    Raises:
+        StudyError: the site has too few cells for the draw.
+    """
+    places = sorted({(cell.goal, cell.start) for cell in cells if cell.goal in study.goals})
+    count = study.real_cells or 0
+    if count >= len(places):
+        raise StudyError(
+            f"real_cells: {count} of {len(places)} cells leaves none to the twin",
+            advice=f"give less than {len(places)}, or leave real_cells out",
+            code="no-twin-cells",
+        )
+    drawn = set(_shuffled(places, f"{study.seed}/real-cells")[:count])
+    return [cell for cell in cells if cell.goal not in study.goals or (cell.goal, cell.start) in drawn]
 
 
 def _shuffled(items: Iterable[Item], key: str) -> list[Item]:

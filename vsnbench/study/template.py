@@ -28,13 +28,14 @@ arms:                   # two to twelve: a name, and a value of --model
 goals: [{goals}]        # shared goals, which are compared
 {starts}      # default: all of the site
 repetitions: {repetitions}
+{twin}                  # cells with real trials, drawn at random; simulated trials, run before, predict the others
 # protocol: ros4vsn     # name of `vsnbench protocol list`, or parameters: {{max_actions: 100}}
 
 order: blocks           # every arm once per cell, in random order; or shuffled, or as-planned (arm by arm)
 seed: {seed}            # determines schedule, codes and trials
 blind: {blind}          # show codes until `vsnbench study unblind`
 
-primary: {{kind: difference}}   # in success, all pairs of arms; metric: progress for progress; or
+primary: {primary}   # difference: in success, all pairs of arms; metric: progress for progress; or
                               # {{kind: rate, arm: NAME, rate: 0.5}}, {{kind: equivalence}} up to the margin, or
                               # {{kind: non-inferiority, arm: NAME}}
 stopping: {stopping}          # plan: all trials; decided: until the primary analysis is decided
@@ -74,6 +75,8 @@ class StudyDraft:
     stopping: str = "plan"
     """`plan` or `decided`."""
     operators: Sequence[str] = ()
+    real_cells: int | None = None
+    """Number of cells with real trials, of a planned twin; its primary analysis is the first arm's rate."""
     rehearse: bool = False
     """The operator places and judges a simulated robot."""
 
@@ -89,6 +92,10 @@ class StudyDraft:
             robot=_quoted(self.robot),
             starts=f"starting_positions: {_quoted(self.starts)}" if self.starts else '# starting_positions: "1-15"',
             repetitions=self.repetitions,
+            twin="# real_cells: 30" if self.real_cells is None else f"real_cells: {self.real_cells}",
+            primary="{kind: difference}"
+            if self.real_cells is None
+            else f"{{kind: rate, arm: {next(iter(self.arms))}, rate: 0.5}}",
             seed=self.seed,
             rehearsal="" if self.rehearse else "# ",
             blind=str(self.blind).lower(),

@@ -15,7 +15,7 @@ from vsnbench.report.analysis.judgements import read_judgements
 from vsnbench.report.analysis.sensitivity import by_distance, by_seed, drift, grid, sensitivity, spread_between
 from vsnbench.report.analysis.summary import ConditionSummary, summarise
 from vsnbench.report.build import build, read
-from vsnbench.report.tables.failures import JUDGEMENTS, failure_table, judgement_table
+from vsnbench.report.tables.failures import JUDGEMENTS, failure_table, judgement_table, narrative_table
 from vsnbench.report.tables.sensitivity import sensitivity_tables
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.values.action import Action
@@ -166,6 +166,16 @@ def test_failures_are_sorted_by_what_was_seen_and_done(lab: Lab) -> None:
     table = failure_table(summarise(record), [found])
     assert table is not None
     assert any("collided with: sofa-1 1" in note for note in table.notes)
+    examples = {example["kind"]: example for example in found["examples"]}
+    assert set(examples) == set(kinds)
+    assert examples[FailureKind.STOPPED_FAR]["words"].startswith(
+        "bed from starting position 3: 10 actions over 2.0 m, ended by stop, 4.00 m from the goal"
+    )
+    assert examples[FailureKind.COLLISION]["words"].endswith("touching sofa-1.")
+    narrative = narrative_table(summarise(record), [found])
+    assert narrative is not None
+    assert [row.cells[2].text for row in narrative.rows] == [f"{kinds[kind]}/5" for kind in examples]
+    assert narrative.rows[0].cells[3].links == (found["examples"][0]["episode"],)
 
 
 @pytest.mark.parametrize(

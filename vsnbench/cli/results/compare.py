@@ -1,6 +1,7 @@
 """`vsnbench compare`: tests of the differences between models."""
 
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from vsnbench.report.comparison.compare import Comparison
     from vsnbench.report.comparison.ranking import Ranking
     from vsnbench.results.files.directory import ResultsDirectory
+
+
+logger = logging.getLogger(__name__)
 
 
 class CompareFormat(StrEnum):
@@ -66,13 +70,15 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     Intervals: Newcombe for rates, paired if the test is; bootstrap of
     starting positions for actions, progress, SPL and courses. Several questions are corrected
     after Holm. Seeds and repetitions do not count as new positions. Below
-    95 % of the planned trials no winner is named.
+    95 % of the planned trials no winner is named. Comparisons with new
+    results are counted in looks.jsonl of the results directory.
     """
     from vsnbench.report.analysis.conditions import Selection
     from vsnbench.report.analysis.published import published_results
     from vsnbench.report.analysis.summary import summarise
     from vsnbench.report.build import read
     from vsnbench.report.comparison.compare import compare, find_condition
+    from vsnbench.report.comparison.looks import with_looks
     from vsnbench.report.comparison.ranking import ranking_of
 
     published, place = published_results(), None
@@ -94,6 +100,10 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     if place is not None:
         record = _with_courses(record, summaries, place)
     found = compare(record, summarised, models, by_goal=by_goal, published=published)
+    if place is not None:
+        found, problem = with_looks(found, place.path)
+        if problem:
+            logger.warning("%s", problem)
     form = CompareFormat.JSON if as_json else form
     _print_comparisons(form, found, ranking_of(summaries, found), summaries, record)
 

@@ -88,6 +88,10 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             "--column", metavar="WIDTH", help="Width of a paper's column, like 8.8cm, for LaTeX tables and figures."
         ),
     ] = None,
+    as_checklist: Annotated[
+        bool,
+        typer.Option("--checklist", help="Print what reviewers ask for, from the record, as Markdown or LaTeX."),
+    ] = False,
     all_tables: Annotated[bool, typer.Option("--all-tables", help="Print every table that --output writes.")] = False,
     results: Results = None,
     db: Database = None,
@@ -110,6 +114,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         vsnbench report --website site/              all pages as files
         vsnbench report --single-file results.html   one file to send
         vsnbench report --only-reference             the paper's own tables
+        vsnbench report --checklist -f latex         what reviewers ask for
 
     Void attempts (failed motion, lost sensor, model error, aborted,
     interrupted) are counted separately and are not part of the rates.
@@ -133,6 +138,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         shows_all = "the website" if website else "the single file"
     if not shows_all and not output and form in (Format.JSON, Format.CSV):
         shows_all = f"--format {form.value}"
+    if as_checklist and (shows_all or output or table or all_tables or reference):
+        raise UsageError(
+            f"--checklist: {shows_all or 'another option of the report'} goes with the tables",
+            advice="give --checklist alone, or with --format latex",
+            code="unused-option",
+        )
     if table and not output and shows_all:
         raise UsageError(f"--table: {shows_all} has all tables", advice="leave it out", code="unused-option")
     if figure and (website or single_file or only_reference or not (output or serve)):
@@ -153,6 +164,12 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         campaigns=split_numbers(campaign, "--campaign", "1,3-5"),
     )
     place = results_directory(results, db)
+    if as_checklist:
+        from vsnbench.report.checklist import checklist
+
+        text = checklist(place.database_url, selection, place.path, as_latex=form is Format.LATEX)
+        typer.echo(text, nl=False)
+        return
     if website is not None or single_file is not None:
         _write_website(place, selection, website, single_file, with_videos=not without_videos, as_json=as_json)
         return

@@ -53,7 +53,7 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     """
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.running import place_of, run_and_report
+    from vsnbench.cli.study.running import check_twin, place_of, run_and_report
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.study.source import StudyRequest
 
@@ -64,6 +64,7 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     memory_gib = load_config().study.model_memory_gib
     memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
     request = StudyRequest(study.recorded, place_of(study), study.results, only_next, _next_time(until), memory_bytes)
+    check_twin(study, request.place)
     provider = OperatorProvider(unattended, page.serve if page else None)
     run_and_exit(summary_console(), run_and_report, study.file, request, provider, live=live, as_json=as_json)
 

@@ -9,11 +9,15 @@ from vsnbench.cli.study.file import OpenedStudy
 from vsnbench.cli.support.output import is_quiet, print_json, without_prints_of_models
 from vsnbench.errors import StudyError
 from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.studies.queries import trials_of, twin_rates
 from vsnbench.runner.loop.contract import SessionResult
 from vsnbench.runner.operator.provider import OperatorProvider
+from vsnbench.runner.setup.selection import choose_starts
 from vsnbench.runner.study.arms import StudyPlace
 from vsnbench.runner.study.session import run_study
 from vsnbench.runner.study.source import StudyRequest
+from vsnbench.study.file import Rate
 from vsnbench.text.sanitize import counted
 from vsnbench.viewer.live import RerunEpisodes
 
@@ -34,6 +38,40 @@ def place_of(study: OpenedStudy) -> StudyPlace:
             code="schedule-changed",
         )
     return place
+
+
+def check_twin(study: OpenedStudy, place: StudyPlace) -> None:
+    """Refuse real trials before the planned twin was run in all cells of the study's goals and starting positions.
+
+    Raises:
+        StudyError: `twin-missing`, the twin has to be run first; `twin-after-real`, real trials have begun without it.
+    """
+    plan, recorded = study.plan, study.recorded
+    if plan.real_cells is None or not isinstance(plan.primary, Rate):
+        return
+    arm = plan.primary.arm
+    starts = choose_starts(plan.starting_positions, place.site)
+    cells = {(goal, start) for goal in plan.goals for start in starts} - set(place.site.excluded)
+    with open_record(study.results.database_url) as engine:
+        known = twin_rates(engine, recorded, arm)
+        begun = any(trial.started_at is not None for trial in trials_of(engine, recorded.id))
+    if not (missing := len(cells - known.keys())):
+        return
+    name = recorded.shown(arm)
+    if begun:
+        raise StudyError(
+            f"the twin of {name} has no results in {missing} of {len(cells)} cells from before the first real trial: "
+            "one that was run after it predicts nothing",
+            advice="lock a new study, and run its twin first",
+            code="twin-after-real",
+        )
+    words = f"--robot simulated --goal {','.join(plan.goals)}"
+    words += f" --starts {plan.starting_positions}" if plan.starting_positions else ""
+    raise StudyError(
+        f"the twin of {name} has no results in {missing} of {len(cells)} cells",
+        advice=f"run it first: vsnbench run --model MODEL {words}{study.results.options}",
+        code="twin-missing",
+    )
 
 
 def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider, *, live: bool, as_json: bool) -> int:

@@ -1,5 +1,6 @@
 """Text about a study before it runs: its arms, warnings, power and duration."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 
@@ -16,12 +17,12 @@ from vsnbench.study.file import StudyFile
 from vsnbench.study.looks import looks_of
 from vsnbench.study.power import (
     DIFFERENCES,
-    SAMPLES,
     PlannedPower,
     design_of_study,
     needed_starts,
     pairs_of,
     planned_power,
+    simulated_studies,
 )
 from vsnbench.study.stopping import min_units
 from vsnbench.study.units import unit_rule
@@ -97,13 +98,20 @@ def power_table(place: StudyPlace, rate: float, powers: Sequence[PlannedPower]) 
     starts = len({trial.start for trial in place.schedule.trials})
     goals, repetitions = counted(len(study.goals), "goal"), counted(study.repetitions, "repetition")
     size = f"{counted(starts, 'starting position')}, {goals}, {repetitions}"
+    studies = simulated_studies(study, starts)
     level = f"alpha {study.alpha:g} over {counted(pairs_of(study), 'question')}"
+    error = f"standard errors of up to {50 / math.sqrt(studies):.1f} points"
     notes = [
-        f"{size}; mean rate {rate:.0%}; {level}. Each line is from {SAMPLES:,} simulated studies.",
+        f"{size}; mean rate {rate:.0%}; {level}. Each line is from {studies:,} simulated studies: {error}.",
         "Assumed: cells differ in difficulty (correlation 0.3; 0.1 across goals), half of it shared by both models.",
     ]
     if study.of_progress:
         notes.append("The power is that of success alone; the primary analysis is of progress.")
+    if study.real_cells is not None:
+        notes.append(
+            f"Of a plan with real trials in all cells, not in {study.real_cells}: what a planned twin saves depends on "
+            "how well it predicts."
+        )
     if study.of_margin:
         notes += _margin_notes(study)
     elif study.margin:

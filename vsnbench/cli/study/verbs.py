@@ -67,6 +67,12 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
         StoppingChoice,
         typer.Option("--stopping", help="End of the study: after all trials (plan), or once it is decided."),
     ] = StoppingChoice.PLAN,
+    twin: Annotated[
+        int | None,
+        typer.Option(
+            "--twin", min=6, metavar="N", help="Real trials in N random cells; simulated ones predict the rest."
+        ),
+    ] = None,
     no_blind: Annotated[bool, typer.Option("--no-blind", help="Show operators which model drives.")] = False,
     operator: Annotated[
         list[str] | None, typer.Option("--operator", metavar="A,B", help="Names of the operators.")
@@ -122,6 +128,7 @@ def new(  # noqa: PLR0913 - Typer needs a parameter per option
         robot=robot,
         starts=",".join(starts or ()),
         repetitions=repetitions,
+        real_cells=twin,
         seed=seed,
         blind=not no_blind,
         stopping=stopping.value,
@@ -208,6 +215,12 @@ def plan(
 
     study = parse_study(read_text(file), str(file))
     place = StudyPlace.of(study, file.parent)
+    if len({block.start for block in place.shared_blocks}) < 2:
+        raise StudyError(
+            f"{file}: 1 starting position is too few: places cannot be told from models",
+            advice="plan more starting_positions",
+            code="too-few-units",
+        )
     powers, directory = powers_of(place, rate), results_directory(results, db)
     table = power_table(place, rate, powers)
     pace = duration_line(place, directory, seconds)

@@ -48,6 +48,21 @@ class FailureKind(StrEnum):
     UNKNOWN = "unknown"
 
 
+DESCRIPTIONS = {
+    FailureKind.COLLISION: "The robot touched something.",
+    FailureKind.STOPPED_EARLY: "The model sampled STOP near the goal, outside the success distance.",
+    FailureKind.STOPPED_FAR: "The model sampled STOP far from the goal.",
+    FailureKind.REACHED: "The robot was where STOP would have succeeded, and the model drove on.",
+    FailureKind.STUCK: "The robot stayed in one place at the end, and the guard refused its moves.",
+    FailureKind.CIRCLING: "The robot turned in circles at the end.",
+    FailureKind.NEVER_SEEN: "The goal was never in the camera's view.",
+    FailureKind.PASSED: "The goal was in view, and the robot drove away from it again.",
+    FailureKind.NOT_APPROACHED: "The goal was in view, and the robot did not reach it.",
+    FailureKind.UNKNOWN: "The record does not tell why.",
+}
+"""Causes as sentences."""
+
+
 @dataclass(frozen=True, slots=True)
 class Failure:
     """One examined failure."""
@@ -57,6 +72,8 @@ class Failure:
     place: tuple[float, float] | None
     """(x, y) in the site: where it ended, or nearest to the goal if that was reached or passed. None if the kind has no
     place or the poses are unknown."""
+    words: str = ""
+    """Its course in one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +125,23 @@ def read_failures(engine: Engine, record: ReportData, examined: Examined | None 
                 "kinds": {kind: kinds[kind] for kind in FailureKind if kinds[kind]},
                 "never_in_view": unseen if known else None,
                 "touched": dict(touched.most_common(5)),
+                "examples": _examples(failures, set(rows.loc[rows["images_directory"] != "", "episode"])),
                 "places": failure_places(failures),
             }
         )
+    return found
+
+
+def _examples(failures: Sequence[Failure], pictured: Collection[int]) -> list[dict[str, Any]]:
+    """Return an example of each kind, the most frequent kind first: the first failure with images, if there is one."""
+    by_kind: dict[FailureKind, list[Failure]] = {}
+    for failure in sorted(failures, key=lambda failure: failure.episode):
+        by_kind.setdefault(failure.kind, []).append(failure)
+    found = []
+    for kind, own in sorted(by_kind.items(), key=lambda item: (-len(item[1]), list(FailureKind).index(item[0]))):
+        example = next((failure for failure in own if failure.episode in pictured), own[0])
+        words = {"kind": kind, "description": DESCRIPTIONS[kind], "words": example.words}
+        found.append({**words, "episode": example.episode, "pictured": example.episode in pictured})
     return found
 
 
@@ -157,7 +188,24 @@ def _failure(condition: Condition, row: Any, course: Course | None, approach: Ap
             place = course.poses[_nearest(approach)].position
         elif kind not in (FailureKind.NEVER_SEEN, FailureKind.NOT_APPROACHED, FailureKind.UNKNOWN):
             place = course.poses[-1].position
-    return Failure(int(row["episode"]), kind, place)
+    return Failure(int(row["episode"]), kind, place, _in_words(row, course, approach))
+
+
+def _in_words(row: Any, course: Course | None, approach: Approach | None) -> str:
+    """Return the course of an episode in one sentence, from what is known of it."""
+    ended = str(row["end_reason"]).replace("_", " ")
+    path = f" over {row['path_m']:.1f} m" if math.isfinite(row["path_m"]) else ""
+    start = f" from starting position {row['start']}" if row["start"] else ""
+    parts = [f"{row['goal']}{start}: {row['actions']} actions{path}, ended by {ended}"]
+    if math.isfinite(row["distance_m"]):
+        parts.append(f"{row['distance_m']:.2f} m from the goal")
+    if approach is not None and len(approach.remaining_m):
+        nearest_m, left_m = float(np.min(approach.remaining_m)), float(approach.remaining_m[-1])
+        if math.isfinite(nearest_m) and left_m - nearest_m >= PASSED_M:
+            parts.append(f"after it had been {nearest_m:.1f} m of path from it")
+    if course is not None and course.touched:
+        parts.append(f"touching {course.touched}")
+    return ", ".join(parts) + "."
 
 
 def _nearest(approach: Approach) -> int:

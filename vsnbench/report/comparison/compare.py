@@ -28,6 +28,7 @@ from vsnbench.report.comparison.pairing import (
     seeded,
 )
 from vsnbench.report.comparison.power import AttainableP, DesignPower, attainable_p, design_power
+from vsnbench.results.looks import Looks
 from vsnbench.statistics.clustered import Outcomes
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
@@ -129,6 +130,8 @@ class Comparison:
     effects: tuple[EffectComparison, ...]
     asked: int
     """Number of p-values in the Holm correction."""
+    looks: Looks | None = None
+    """Recorded looks at this comparison (`vsnbench.report.comparison.looks`); None if it was not shown alone."""
 
     @property
     def compares_actions(self) -> bool:

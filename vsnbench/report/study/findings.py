@@ -13,8 +13,8 @@ from vsnbench.results.schema.engine import reading
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.studies.entries import AMEND, OVER, SESSION, SESSION_END, SUSPEND, UNBLIND, RecordedStudy
 from vsnbench.results.studies.entries import StudyTrialProgress as Standing
-from vsnbench.results.studies.queries import trials_of
-from vsnbench.study.file import StudyFile
+from vsnbench.results.studies.queries import trials_of, twin_rates
+from vsnbench.study.file import Rate, StudyFile
 from vsnbench.study.lock import JUDGING
 from vsnbench.text.sanitize import counted
 from vsnbench.values.goal import GoalKind
@@ -77,8 +77,11 @@ def read_findings(
         progress = trials_of(engine, recorded.id)
         with reading(engine).begin() as connection:
             goals = [goals_of_campaign(connection, arm.campaign_id) for arm in recorded.arms]
+        twin = {}
+        if plan.real_cells is not None and isinstance(plan.primary, Rate):
+            twin = twin_rates(engine, recorded, plan.primary.arm)
     # In the order of the codes, because the order of the file would reveal the arms.
-    primary = in_order(analyse(plan, progress), {arm.name: arm.code for arm in recorded.arms})
+    primary = in_order(analyse(plan, progress, twin), {arm.name: arm.code for arm in recorded.arms})
     shown = {arm.name: recorded.shown(arm.name) for arm in recorded.arms}
     found = [Deviation("record changed", words) for words in differences]
     found += [Deviation("not verified", words) for words in remarks]

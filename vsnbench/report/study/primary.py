@@ -5,11 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from vsnbench.report.study.planned_twin import powered_by_twin, twin_words
 from vsnbench.results.studies.entries import StudyTrialProgress
 from vsnbench.statistics.clustered import Cell, Outcomes, arrays, rate_interval
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
 from vsnbench.statistics.paired import PairedCell, PairedOutcomes, paired_interval, paired_test
+from vsnbench.statistics.prediction_powered import Powered
 from vsnbench.statistics.rates import Interval
 from vsnbench.study.decision import ArmQuestion, arm_pairs
 from vsnbench.study.file import Rate, StudyFile
@@ -90,12 +92,20 @@ THESE = "the trials of this plan only, with the chance in their outcomes, and no
 LIKE_THESE = "cells like these: a population of which the plan's starting positions and goals are a sample"
 
 
-def analyse(study: StudyFile, progress: Sequence[StudyTrialProgress]) -> Primary:
-    """Carry out the planned analysis on the shared goals."""
+def analyse(
+    study: StudyFile, progress: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float] | None = None
+) -> Primary:
+    """Carry out the planned analysis on the shared goals.
+
+    Args:
+        study: the plan.
+        progress: its trials.
+        twin: simulated success rate of the primary arm by goal and starting position, of a planned twin.
+    """
     shared = [trial for trial in progress if trial.trial.goal in study.goals]
     if study.stopping == "decided":
         return _decided(study, shared)
-    return _whole_plan(study, shared)
+    return _whole_plan(study, shared, twin or {})
 
 
 def _decided(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
@@ -161,12 +171,18 @@ def _planned(shared: Sequence[StudyTrialProgress]) -> tuple[int, int]:
     return len(cells), len({(trial.trial.goal, trial.trial.start, trial.trial.repetition) for trial in shared})
 
 
-def _whole_plan(study: StudyFile, shared: Sequence[StudyTrialProgress]) -> Primary:
+def _whole_plan(
+    study: StudyFile, shared: Sequence[StudyTrialProgress], twin: Mapping[tuple[str, int], float]
+) -> Primary:
     complete = all(trial.success is not None for trial in shared)
     cells, trials = _planned(shared)
     if isinstance(study.primary, Rate):
-        answers = [_against_rate(study, study.primary, shared, complete=complete)]
+        run = _cells(shared, study.primary.arm, lambda trial: trial.success)
+        estimate = powered_by_twin(study, run, {(trial.trial.goal, trial.trial.start) for trial in shared}, twin)
+        answers = [_against_rate(study, study.primary, shared, estimate, complete=complete)]
         method = f"success rate with its {1 - study.alpha:.0%} interval (Wilson's, at the effective sample size)"
+        if study.real_cells is not None:
+            method += twin_words(estimate, twin)
         return Primary(method, LIKE_THESE, tuple(answers), cells, trials, "", {})
     pairs = [(first, second) for first, second in arm_pairs(study) if second is not None]
     found = [_compared(study, shared, pair) for pair in pairs]
@@ -185,7 +201,7 @@ def _tested(study: StudyFile) -> str:
         tests = "two one-sided sign-flip tests" if study.primary.kind == "equivalence" else "one-sided sign-flip test"
         return (
             f"paired difference of {metric}; {tests} over starting positions against the margin, and the "
-            f"{1 - 2 * study.alpha:.0%} interval must lie within it; Holm over all pairs"
+            f"{1 - study.alpha:.0%} interval must lie within it; Holm over all pairs"
         )
     return (
         f"paired difference of {metric}; sign-flip test over starting positions, and the interval must exclude "
@@ -246,11 +262,18 @@ def _of_pair(study: StudyFile, pair: tuple[str, str], seen: _Compared, *, comple
 
 
 def _against_rate(
-    study: StudyFile, primary: Rate, shared: Sequence[StudyTrialProgress], *, complete: bool
+    study: StudyFile,
+    primary: Rate,
+    shared: Sequence[StudyTrialProgress],
+    estimate: Powered | None,
+    *,
+    complete: bool,
 ) -> PrimaryAnswer:
     cells = _cells(shared, primary.arm, lambda trial: trial.success)
     outcomes = Outcomes(tuple(cells[place] for place in sorted(cells)))
     interval, seen = rate_interval(outcomes, 1 - study.alpha), outcomes.proportion.rate
+    if estimate is not None:
+        interval, seen = estimate.interval, estimate.rate
     apart = Interval(interval.low - primary.rate, interval.high - primary.rate)
     found = conclude(DifferenceEvidence(seen - primary.rate, apart, None, study.alpha, study.margin, complete))
     return PrimaryAnswer(

@@ -3,12 +3,14 @@
 from vsnbench.report.analysis.conditions import footnotes
 from vsnbench.report.analysis.published import PAPER_INTERVALS
 from vsnbench.report.comparison.compare import ALL, SHARED, Comparison, RateComparison
+from vsnbench.report.comparison.looks import looks_sentences
 from vsnbench.report.comparison.verdicts import verdicts
 from vsnbench.report.measures import (
     CELL,
     COUNT,
     FLAG,
     NUMBER,
+    NUMBERS,
     RATIO,
     TEXT,
     TEXTS,
@@ -21,6 +23,7 @@ from vsnbench.report.measures import (
     intervals,
     objects,
     percents,
+    values,
 )
 from vsnbench.report.table import EMPTY, ReportTable, TableCell, decimal, interval_cell, without_empty_columns
 from vsnbench.report.tables.conditions import CONDITION
@@ -230,6 +233,7 @@ EFFECT = Measures(
         heading="95 % interval",
     ),
 )
+_LOOKS = "episodes of both conditions at each look with new outcomes, this one last"
 COMPARISON = Measures.shared(
     "comparison",
     Measure("first", an_object(CONDITION), "first condition"),
@@ -245,6 +249,7 @@ COMPARISON = Measures.shared(
         "compares_actions",
     ),
     Measure("verdicts", TEXTS, "conclusions, one sentence each", verdicts),
+    Measure("looks", values(NUMBERS), _LOOKS, only_in="`compare`"),
 )
 
 
@@ -256,7 +261,12 @@ def comparison_tables(comparison: Comparison) -> list[ReportTable]:
         f"compare-{name}",
         f"A: {a}, B: {b}",
         comparison.rates,
-        notes=(*_shared_goals(comparison), *verdicts(comparison), *_of_the_paper(comparison)),
+        notes=(
+            *_shared_goals(comparison),
+            *verdicts(comparison),
+            *looks_sentences(comparison.looks),
+            *_of_the_paper(comparison),
+        ),
         footnotes=footnotes([comparison.first, comparison.second]),
     )
     if not comparison.effects:

@@ -6,8 +6,21 @@ from typing import Any
 
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.summary import ReportResults
-from vsnbench.report.measures import COUNT, COUNTS, FLAG, NUMBERS, TEXT, Form, Measure, Measures, objects, percents
-from vsnbench.report.table import ReportTable
+from vsnbench.report.measures import (
+    CELL,
+    COUNT,
+    COUNTS,
+    FLAG,
+    NUMBERS,
+    RATIO,
+    TEXT,
+    Form,
+    Measure,
+    Measures,
+    objects,
+    percents,
+)
+from vsnbench.report.table import ReportTable, TableCell
 from vsnbench.report.tables.activity import MODEL
 from vsnbench.text.sanitize import sanitize
 
@@ -22,6 +35,12 @@ PLACES = Measures(
 )
 _NEVER = "examined failures in which the goal was never in view"
 _EXAMINED = "number of failed episodes whose cause was examined; at most 100"
+_EXAMPLES = Measures(
+    Measure("kind", TEXT, "cause of these failures"),
+    Measure("description", TEXT, "the cause as a sentence"),
+    Measure("episode", COUNT, "number of an episode that failed so, with images if one has them"),
+    Measure("words", TEXT, "course of that episode"),
+)
 FAILURES = Measures(
     Measure("failed", COUNT, "number of failed episodes"),
     Measure("examined", COUNT, _EXAMINED),
@@ -29,6 +48,7 @@ FAILURES = Measures(
     Measure("never_in_view", COUNT, _NEVER, null="if the poses are unknown"),
     Measure("touched", COUNTS, "touched object → number of examined collisions"),
     Measure("places", objects(PLACES), "places of failures, the most frequent first"),
+    Measure("examples", objects(_EXAMPLES), "an example of each cause, the most frequent first"),
 )
 """The JSON object of a condition's failures."""
 _KINDS = Measures(
@@ -58,6 +78,40 @@ def failure_table(results: ReportResults, failures: Rows) -> ReportTable | None:
             notes.append(f"{name} collided with: {things}.")
     notes.append("From the poses and the site's walls; furniture does not block the view in this analysis.")
     return _KINDS.table("failures", "Why episodes failed", rows, notes=tuple(notes)) if rows else None
+
+
+_NARRATIVE = Measures(
+    MODEL,
+    Measure("what", TEXT, heading="what happened"),
+    Measure("episodes", RATIO, heading="episodes", note="of the examined failures"),
+    Measure("example", CELL, heading="example"),
+    Measure("picture", TEXT, heading="picture", note="file of `report --output`: five images of the example"),
+)
+
+
+def narrative_table(results: ReportResults, failures: Rows) -> ReportTable | None:
+    """Return the failures of each model in words, with an example of each cause; None without failures."""
+    names = {summary.condition.number: summary.condition.name for summary in results.conditions}
+    rows = [
+        {
+            "model": names[found["condition"]],
+            "what": example["description"],
+            "episodes": (found["kinds"][example["kind"]], found["examined"]),
+            "example": TableCell(
+                f"Episode {example['episode']}, {sanitize(example['words'])}", example["episode"], (example["episode"],)
+            ),
+            "picture": picture_file(example["episode"]) if example["pictured"] else None,
+        }
+        for found in failures
+        for example in found["examples"]
+    ]
+    notes = ("Causes by rule, from the poses and the site's walls; the example is the first episode with images.",)
+    return _NARRATIVE.table("narrative", "Failures in words", rows, notes=notes) if rows else None
+
+
+def picture_file(episode: int) -> str:
+    """Return the file in which `report --output` writes the images of an example."""
+    return f"pictures/episode-{episode}.jpg"
 
 
 _CHANGES = {True: "success", False: "failure", None: "void"}

@@ -9,7 +9,14 @@ from statistics import median
 from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.metrics import known_progress
-from vsnbench.results.reading.read_model import STANDS, SUCCESS, current_verdict_id, first_attempt
+from vsnbench.results.reading.read_model import (
+    COUNTS,
+    STANDS,
+    SUCCESS,
+    current_verdict_id,
+    episodes_of_campaigns,
+    first_attempt,
+)
 from vsnbench.results.schema.engine import reading, transaction
 from vsnbench.results.schema.row_encoding import columns_of_fields
 from vsnbench.results.schema.study_tables import Study, StudyArm, StudyEntry, StudyTrial
@@ -129,6 +136,37 @@ def trials_of(engine: Engine, study_id: int) -> tuple[StudyTrialProgress, ...]:
     """Return the progress of all scheduled trials in the order of the schedule."""
     with transaction(reading(engine)) as connection:
         return study_progress(connection, study_id)
+
+
+def twin_rates(engine: Engine, study: RecordedStudy, arm: str) -> dict[tuple[str, int], float]:
+    """Return the simulated success rates of an arm's model by goal and starting position, for a planned twin.
+
+    They are of the same model, site and protocol, outside of the study. An episode that ended after the first real
+    trial of the study began does not count: a twin that is run later could be chosen by the real outcomes.
+    """
+    campaign = study.by_name[arm].campaign_id
+    same = select(CampaignRow.model_id, CampaignRow.site_id, CampaignRow.protocol_sha256).where(
+        CampaignRow.id == campaign
+    )
+    began = (
+        select(func.min(EpisodeRow.started_at))
+        .join(StudyTrial, StudyTrial.trial_id == EpisodeRow.trial_id)
+        .where(StudyTrial.study_id == study.id)
+    )
+    found: dict[tuple[str, int], list[bool]] = {}
+    with transaction(reading(engine)) as connection:
+        model, site, protocol = connection.execute(same).one()
+        first = connection.execute(began).scalar()
+        query = episodes_of_campaigns(TrialRow.goal, TrialRow.start, SUCCESS).where(
+            *(COUNTS, RobotRow.simulated.is_(True), EpisodeRow.origin == "run"),
+            *(CampaignRow.model_id == model, CampaignRow.site_id == site, CampaignRow.protocol_sha256 == protocol),
+            CampaignRow.id.not_in(select(StudyArm.campaign_id)),
+        )
+        if first is not None:
+            query = query.where(EpisodeRow.ended_at < first)
+        for goal, start, success in connection.execute(query):
+            found.setdefault((goal, start), []).append(bool(success))
+    return {place: sum(outcomes) / len(outcomes) for place, outcomes in found.items()}
 
 
 def directories_of(engine: Engine, identity: str) -> tuple[str, ...]:
