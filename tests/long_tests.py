@@ -146,7 +146,7 @@ LONG = {
     # The commands of a page, one after the other: their names, options and JSON are tested every day.
     **_of(
         "docs/test_commands.py",
-        "its case [robots.md]; docs/test_json_schemas.py, test_readme.py",
+        "its case [robots.md]; docs/test_json_schemas.py, README's",
         *(
             f"test_the_commands_of_a_page_succeed_in_order[{page}.md]"
             for page in (
@@ -391,7 +391,7 @@ LONG = {
     **_of(
         "robots/test_simulated.py",
         "sensing/test_mover.py, sensing/test_difficult_bases.py",
-        "test_of_500_actions_every_move_is_within_5_mm[lola2-believed]",
+        "test_of_many_actions_every_move_is_within_5_mm[lola2 for long-believed]",
     ),
     **_of(
         "report/test_figure_layout.py",

@@ -1,7 +1,11 @@
-"""Records that tests of several files read, made once for all workers of a run."""
+"""Records that tests of several files read, made once for all workers of a run, or once in a worker and copied."""
 
+import atexit
 import fcntl
-from collections.abc import Callable
+import shutil
+import tempfile
+from collections.abc import Callable, Hashable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,3 +37,16 @@ def small_record(factory: pytest.TempPathFactory) -> Path:
         assert done.returncode == 0, done.stderr
 
     return made_once(factory, "results", run)
+
+
+def write_copy(directory: Path, make: Callable[..., object], *settings: Hashable) -> None:
+    """Write into a directory what `make` writes there with some settings; in a process it is made once and copied."""
+    shutil.copytree(_made(make, *settings), directory, dirs_exist_ok=True)
+
+
+@cache
+def _made(make: Callable[..., object], *settings: Hashable) -> Path:
+    directory = Path(tempfile.mkdtemp(prefix="vsnbench-record-"))
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    make(directory, *settings)
+    return directory

@@ -1,4 +1,4 @@
-"""Runs every command of docs/ at a shell, page by page; a table has the reasons for those that cannot run."""
+"""Runs every command of README and docs/ at a shell; a table has the reasons for those that cannot run."""
 
 import os
 import re
@@ -135,6 +135,36 @@ def test_the_commands_of_a_page_succeed_in_order(page: Path, machine: dict[str, 
         BEFORE[page.name](shell)
     for command in run_here(page):
         type_as_meant(shell, command)
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+FEW = " --starts 1 --max-steps 6"
+"""Shortens a run of README."""
+OF_README = [
+    re.split(r"\s{2,}|\s#", line)[0].strip() for line in re.findall(r"^ {4}(vsnbench .*)$", README, re.MULTILINE)
+]
+"""The `vsnbench` lines of the indented blocks, without comments."""
+
+
+def test_readme_is_short_and_has_commands() -> None:
+    assert len(README.splitlines()) <= 90
+    assert len(OF_README) >= 5
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_commands_of_readme_succeed_in_order_with_the_policy_that_it_shows(
+    machine: dict[str, str], tmp_path: Path
+) -> None:
+    (block,) = re.findall(r"\n(    from vsnbench import.*?)\n\n    vsnbench", README, re.DOTALL)
+    (tmp_path / "mylab").mkdir()
+    (tmp_path / "mylab" / "spinner.py").write_text(re.sub(r"^ {4}", "", block, flags=re.MULTILINE) + "\n")
+    shell = Shell(tmp_path, machine)
+    for command in OF_README:
+        if "--web" in command:
+            shell.types_and_visits(f"{command} --port 0", 0)
+        else:
+            assert shell.types(command + FEW if command.startswith("vsnbench run") else command).strip()
 
 
 def type_as_meant(shell: Shell, command: str) -> None:

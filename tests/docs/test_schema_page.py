@@ -2,7 +2,6 @@
 
 import sqlite3
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
@@ -16,9 +15,10 @@ from vsnbench.results.schema.base import TableBase
 from vsnbench.values.action import Action
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Lab:
-    lab = Lab(tmp_path)
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
+    """A record of void, judged and retracted attempts; not to be changed."""
+    lab = Lab(tmp_path_factory.mktemp("lab"))
     taken = [step(1, Action.MOVE_FORWARD, "LOOK_DOWN", x_m=0.25), step(2, Action.STOP, x_m=0.25)]
     lab.write(
         [

@@ -77,7 +77,7 @@ def set_depth_digests(journal: Journal) -> None:
 def lab(results: Path, *plans: CampaignPlan, seed: int = 1) -> Path:
     """Make a record with one or two episodes, and their files, for most trials of some campaigns."""
     chance = random.Random(seed)
-    results.mkdir()
+    results.mkdir(exist_ok=True)
     with Journal.open(sqlite_url(results / "vsnbench.db")) as journal:
         for given in plans:
             for trial in journal.find_or_create_campaign(given).trials:

@@ -31,9 +31,10 @@ from vsnbench.values.action import Action
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 
 
-@pytest.fixture
-def hostile(tmp_path: Path) -> Report:
-    lab = Lab(tmp_path)
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """A report whose names try to be markup in every form."""
+    lab = Lab(tmp_path_factory.mktemp("hostile"))
     planned = [Trial(goal, 1) for goal in ("chair", HOSTILE)]
     lab.write([void(), Attempt(), Attempt(HOSTILE, success=False)], model=HOSTILE, weights_label="=1+1", trials=planned)
     return build(lab.url, Selection())

@@ -3,11 +3,13 @@
 import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TextIO
 
 from tests.processes import Fork
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
@@ -115,6 +117,12 @@ def going(journal: Journal, claim: Claim) -> Claim:
 
 def run(journal: Journal, trial: Trial, end: EpisodeEnd, steps: int = 3) -> Claim:
     return complete(journal, begun(journal, trial), end, steps)
+
+
+def write_success(directory: Path) -> None:
+    """Write a record of one success."""
+    with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
+        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
 
 
 def finish(journal: Journal, claim: Claim, end: EpisodeEnd, steps: int = 3) -> Claim:

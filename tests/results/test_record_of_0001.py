@@ -12,13 +12,14 @@ from alembic import command
 from sqlalchemy import Boolean, DateTime, Engine, MetaData, Table, text
 from sqlalchemy.dialects.postgresql import JSONB
 
+from tests.shared_records import write_copy
 from vsnbench.protocol.judge import EndReason, Verdict
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.build import read
-from vsnbench.results.database_url import sqlite_path
+from vsnbench.results.database_url import sqlite_path, sqlite_url
 from vsnbench.results.reading.queries import episode_record
 from vsnbench.results.schema import migrate
-from vsnbench.results.schema.engine import open_engine
+from vsnbench.results.schema.engine import open_engine, opened_engine
 from vsnbench.results.writing.journal import Journal
 
 DATA = Path(__file__).parents[1] / "data" / "records"
@@ -27,22 +28,30 @@ DATA = Path(__file__).parents[1] / "data" / "records"
 @pytest.fixture
 def before(sqlite: str) -> sqlite3.Connection:
     """The original record, for comparison."""
-    script = (DATA / "0001.sql").read_text(encoding="utf-8")
     path = sqlite_path(sqlite)
     assert path is not None
-    with closing(sqlite3.connect(path)) as database:
-        database.executescript(script)
+    write_record(path.parent)
     old = sqlite3.connect(":memory:")
-    old.executescript(script)
+    old.executescript((DATA / "0001.sql").read_text(encoding="utf-8"))
     old.row_factory = sqlite3.Row
     return old
 
 
+def write_record(directory: Path) -> None:
+    with closing(sqlite3.connect(directory / "vsnbench.db")) as database:
+        database.executescript((DATA / "0001.sql").read_text(encoding="utf-8"))
+
+
+def write_upgraded_record(directory: Path) -> None:
+    write_record(directory)
+    with opened_engine(sqlite_url(directory / "vsnbench.db")) as engine:
+        assert migrate.upgrade(engine).current == "0001"
+
+
 @pytest.fixture
-def after(before: sqlite3.Connection, sqlite: str) -> Engine:
-    engine = open_engine(sqlite)
-    assert migrate.upgrade(engine).current == "0001"
-    return engine
+def after(before: sqlite3.Connection, sqlite: str, tmp_path: Path) -> Engine:
+    write_copy(tmp_path, write_upgraded_record)
+    return open_engine(sqlite)
 
 
 def rows(engine: Engine, query: str) -> list[tuple[Any, ...]]:

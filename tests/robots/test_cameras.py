@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 from tests.cli.console import vsnbench
 from tests.models.remote.servers import stub_server
 from tests.runner.episode.test_continuous import LANE, TURTLEBOT, Record
+from vsnbench.errors import RobotError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
@@ -23,6 +24,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.robots.profiles import profile_path
 from vsnbench.robots.simulated import SimulatedRobot
+from vsnbench.ros.common.interface import require_interface
+from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
@@ -255,3 +258,10 @@ def test_impossible_cameras_of_a_profile_are_refused(change: dict[str, Any], say
 def test_profiles_without_further_cameras_keep_their_hash() -> None:
     assert "cameras" not in TURTLEBOT.camera.model_dump()
     assert TURTLEBOT.model_copy(update={"cameras": {}}).sha256 == TURTLEBOT.sha256 != FOUR.sha256
+
+
+def test_topics_of_a_camera_that_the_profile_lacks_are_refused() -> None:
+    names = {**TURTLEBOT.content()["interface"], "cameras": {"left": {"color": "/left/image"}}}
+    profile = TURTLEBOT.model_copy(update={"interface": Ros1Interface(**names)})
+    with pytest.raises(RobotError, match="has topics of a left camera"):
+        require_interface(profile, "ros1", Ros1Interface, "turtlebot2")

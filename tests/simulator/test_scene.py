@@ -12,7 +12,7 @@ from vsnbench.simulator.furniture.canvas import extents, rotation_matrix
 from vsnbench.simulator.primitives import Primitive, Shape
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.categories import CATEGORIES
-from vsnbench.sites.site import Door, Site, SiteObject
+from vsnbench.sites.site import Door, Site, SiteObject, load_site
 
 
 def corners(primitive: Primitive) -> list[tuple[float, float]]:
@@ -205,3 +205,12 @@ def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     thing = SiteObject(id="throne", category="chair", model="throne", position=(3, 2), size_m=(1, 1, 1))
     with pytest.raises(SiteError, match=r"throne.*dining_chair, office_chair"):
         build_scene(a_site(thing))
+
+
+def test_equal_sites_have_the_same_scene_and_others_their_own() -> None:
+    site = load_site("apartment")
+    again = load_site("apartment")
+    assert build_scene(site) is build_scene(again)
+    assert build_scene(site, is_surveyed_only=True) is not build_scene(site)
+    fewer = again.model_copy(update={"objects": again.objects[1:]})
+    assert len(build_scene(fewer).primitives) < len(build_scene(site).primitives)

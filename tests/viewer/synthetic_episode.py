@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from sqlalchemy import update
 
+from tests.shared_records import write_copy
 from vsnbench.protocol.judge import EndReason, GoalDistance, judge
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
@@ -71,7 +72,12 @@ def entries(count: int, *, diagnostics: bool = True) -> Iterator[Entry]:
 
 def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> int:
     """Write the episode into a results directory as a run does, without its Rerun file; returns its number."""
-    about = header()
+    write_copy(results.path, _write_record, count, ended)
+    return 1
+
+
+def _write_record(path: Path, count: int, ended: bool) -> None:
+    results, about = ResultsDirectory.locate(path, environment={}), header()
     profile = load_profile("turtlebot2")
     model = ModelCard("vlv", weights_label="stand-in weights")
     plan = CampaignPlan(
@@ -96,7 +102,6 @@ def record(results: ResultsDirectory, count: int = 6, *, ended: bool = True) -> 
                     journal.add_event(entry.kind, entry.text, episode_id=handle.id, step_number=entry.step)
                 case EpisodeEnd() if ended:
                     journal.end_episode(handle.id, entry)
-    return handle.id
 
 
 def _keep_images(directory: Path, entry: StepEntry) -> None:

@@ -13,8 +13,8 @@ _before: list[tuple[int, int, int]] = []
 
 
 def collect_rarely() -> None:
-    """Collect garbage a tenth as often, until `collect_as_usual`."""
-    if not _before:
+    """Collect garbage a tenth as often, until `collect_as_usual`; a caller that collects more rarely goes on so."""
+    if not _before and gc.get_threshold()[0] < _ALLOCATIONS:
         _before.append(gc.get_threshold())
         gc.set_threshold(_ALLOCATIONS, *_before[0][1:])
 

@@ -56,6 +56,8 @@ class RobotSnapshot:
     depths: tuple[Stamped[Any], ...] = ()
     labels: tuple[Stamped[Any], ...] = ()
     """Instance images of a simulator."""
+    further: Mapping[str, tuple[Stamped[Any], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Latest images of further cameras by topic, oldest first."""
     received: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     """Number of messages so far, by the field that they fill: `readings`, `colors`, `depths`, `labels`."""
     calibrations: Mapping[str, Calibration] = field(default_factory=lambda: MappingProxyType({}))
@@ -189,7 +191,7 @@ class RobotReports:
         """Take an undecoded image.
 
         Args:
-            field: field of the snapshot: `colors`, `depths` or `labels`.
+            field: field of the snapshot: `colors`, `depths`, `labels` or `further`.
             capacity: number of images that the snapshot holds.
             message: the image.
             stamp_s: stamp on the clock of the sender.
@@ -197,9 +199,15 @@ class RobotReports:
             source: node that sent it.
         """
         image = Stamped(message, stamp_s, time.monotonic())
+
+        def taken(now: RobotSnapshot) -> Any:
+            if field != "further":
+                return (*getattr(now, field), image)[-capacity:]
+            return MappingProxyType({**now.further, topic: (*now.further.get(topic, ()), image)[-capacity:]})
+
         self._update(
             lambda now: {
-                field: (*getattr(now, field), image)[-capacity:],
+                field: taken(now),
                 "sources": _sources(now, topic, source),
                 "received": _counted(now, field),
             }

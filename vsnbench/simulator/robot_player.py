@@ -6,7 +6,8 @@ It is independent of middleware: a node of ROS 1 or ROS 2 implements `RobotOutle
 import math
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +22,7 @@ from vsnbench.simulator.rendering.shading import mark_out_of_range
 from vsnbench.simulator.scene import build_scene
 from vsnbench.simulator.simulated_operator import SimulatedOperator
 from vsnbench.sites.site import Site
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.encoding.images import depth_millimetres
 from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_identity import SimulationAccount
@@ -57,6 +59,8 @@ class CameraImages:
     """(H, W), 0 out of range."""
     instances: npt.NDArray[np.uint16]
     """(H, W) 1-based index of the site's object; 0 for the building."""
+    cameras: "Mapping[CameraRole, CameraImages]" = field(default_factory=dict)
+    """Those of the further cameras."""
 
 
 class RobotOutlet(Protocol):
@@ -229,12 +233,16 @@ class RobotPlayer:
     def _picture(self) -> CameraImages:
         with self._lock:
             pose, attitude, now_s = self._base.pose, self._base.attitude, self._base.now_s
-        frame = self._renderer.render(self._profile.camera, pose, attitude)
+        further = self._profile.cameras.items()
+        cameras = {role: self._images_of(camera, pose, attitude, now_s) for role, camera in further}
+        return replace(self._images_of(self._profile.camera, pose, attitude, now_s), cameras=cameras)
+
+    def _images_of(self, camera: Camera, pose: Pose, attitude: Attitude, now_s: float) -> CameraImages:
+        frame = self._renderer.render(camera, pose, attitude)
         depth_m = frame.depth_m
         if self._options.noise is not None:
             shininess = self._shininess[frame.instance]
             depth_m = noisy_depth(depth_m, frame.rgb, shininess, self._options.noise.depth, self._rng)
-        camera = self._profile.camera
         mark_out_of_range(depth_m, np.float32(camera.depth_min_m), np.float32(camera.depth_max_m))
         return CameraImages(
             self._epoch_s + now_s, frame.rgb, depth_millimetres(depth_m), frame.instance.astype(np.uint16)

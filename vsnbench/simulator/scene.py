@@ -1,5 +1,6 @@
 """Conversion of a site to the primitives of physics and rasterizer."""
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -17,10 +18,12 @@ from vsnbench.values.pose import Pose
 
 _UNSEEN = Material((1.0, 1.0, 1.0))
 _NEVER_FELT = ("rug", "picture")
+_built: deque[tuple[Site, bool, Scene]] = deque(maxlen=4)
+"""The last scenes: the robots of a session and the replays of a verification stand in a few sites."""
 
 
 def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
-    """Build a site's floors, walls, doorways, windows and furniture.
+    """Build a site's floors, walls, doorways, windows and furniture; equal sites have the same scene.
 
     Args:
         site: the site.
@@ -32,13 +35,18 @@ def build_scene(site: Site, *, is_surveyed_only: bool = False) -> Scene:
     Raises:
         SiteError: an object's model is unknown.
     """
+    for known, known_as, scene in tuple(_built):
+        if known_as == is_surveyed_only and (known is site or known == site):
+            return scene
     primitives = list(build_structure(site, is_surveyed_only=is_surveyed_only))
     for index, thing in enumerate(site.objects):
         primitives.extend(_stand(thing, index + 1))
         if not is_surveyed_only:
             primitives.extend(_laid_on(thing, site.objects))
     labelled = () if site.scan is None else tuple(site.objects)
-    return Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m, site.scan, labelled)
+    scene = Scene(tuple(primitives), site_bounds(site), site.ceiling_height_m, site.scan, labelled)
+    _built.append((site, is_surveyed_only, scene))
+    return scene
 
 
 def _stand(thing: SiteObject, instance: int) -> Iterator[Primitive]:

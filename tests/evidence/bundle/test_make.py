@@ -18,6 +18,7 @@ from tests.cli.test_record_verbs import vsnbench
 from tests.interop.test_merge import GOALS, content, draw, lab
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
+from tests.shared_records import write_copy
 from tests.study.studies import study_text
 from vsnbench.evidence.bundle import record_cut
 from vsnbench.evidence.bundle.archive import OpenBundle, open_bundle
@@ -203,10 +204,13 @@ def test_weights_are_added_only_when_asked_for(tmp_path: Path) -> None:
 
 def study_record(directory: Path, trials: int, **changes: object) -> None:
     """Write a record with a campaign outside of the study, and a study with some of its 16 trials done."""
+    write_copy(directory, _write_study, trials, study_text(**changes))
+
+
+def _write_study(directory: Path, trials: int, text: str) -> None:
     lab(directory, plan(seed=99))
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
-        study = lock_drawn(journal, study_text(**changes))
-        run_ranks(journal, study, range(trials))
+        run_ranks(journal, lock_drawn(journal, text), range(trials))
     draw(directory)
 
 

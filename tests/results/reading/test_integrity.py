@@ -1,10 +1,12 @@
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
-from tests.results.records_of_a_lab import plan, run, stopped
+from tests.results.records_of_a_lab import plan, run, stopped, write_success
+from tests.shared_records import write_copy
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.reading.integrity import record_fault
@@ -14,9 +16,8 @@ from vsnbench.results.writing.journal import Journal
 
 
 @pytest.fixture
-def record(sqlite: str) -> str:
-    with Journal.open(sqlite) as journal:
-        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
+def record(sqlite: str, tmp_path: Path) -> str:
+    write_copy(tmp_path, write_success)
     return sqlite
 
 

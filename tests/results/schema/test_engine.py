@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sqlalchemy import select
 
 from tests.results.records_of_a_lab import plan, run, stopped
 from vsnbench.errors import RecordError, UsageError
@@ -20,8 +21,9 @@ from vsnbench.results.database_url import redacted_url, sqlite_path, sqlite_url
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
 from vsnbench.results.schema import engine as engine_module
-from vsnbench.results.schema.engine import open_engine, to_json
-from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.schema.engine import open_engine, opened_engine, to_json
+from vsnbench.results.schema.migrate import create_record, open_record
+from vsnbench.results.schema.tables import EpisodeRow
 from vsnbench.results.writing.journal import Journal
 
 WRITER_ON_A_FULL_DISK = """
@@ -95,7 +97,8 @@ def test_a_reader_makes_no_file_and_can_change_nothing(tmp_path: Path, sqlite: s
 
 READER_WITHOUT_RIGHTS = """
 import os, sys
-from vsnbench.results.schema.migrate import open_record
+from vsnbench.results.schema.migrate import create_record, open_record
+from vsnbench.results.schema.tables import EpisodeRow
 from vsnbench.results.reading.queries import list_episodes
 from vsnbench.results.reading.filtering import EpisodeFilter
 
@@ -203,3 +206,12 @@ def test_a_record_without_a_referenced_model_is_refused(sqlite: str) -> None:
         database.commit()
     with pytest.raises(RecordError, match="the model of campaign 1 is missing"):
         open_record(sqlite).__enter__()
+
+
+def test_what_is_compiled_for_one_file_serves_another(tmp_path: Path) -> None:
+    compiled = []
+    for url in (sqlite_url(tmp_path / f"{name}.db") for name in ("one", "other")):
+        create_record(url)
+        with opened_engine(url, read_only=True) as engine, engine.connect() as connection:
+            compiled.append(connection.execute(select(EpisodeRow.id)).context.compiled)
+    assert compiled[0] is compiled[1]

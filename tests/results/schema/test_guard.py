@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.results.records_of_a_lab import plan, run, stopped
+from tests.results.records_of_a_lab import write_success
+from tests.shared_records import write_copy
 from vsnbench.errors import RecordError
 from vsnbench.results.database_url import sqlite_path
 from vsnbench.results.merging.sources import open_other
@@ -32,9 +33,8 @@ SCHEMAS = {
 
 
 @pytest.fixture
-def record(sqlite: str) -> str:
-    with Journal.open(sqlite) as journal:
-        run(journal, journal.find_or_create_campaign(plan()).trials[0], stopped(success=True))
+def record(sqlite: str, tmp_path: Path) -> str:
+    write_copy(tmp_path, write_success)
     return sqlite
 
 

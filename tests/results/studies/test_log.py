@@ -9,6 +9,7 @@ import pytest
 from tests.results.locked_study import integrity, lock_drawn, run_ranks
 from tests.results.merging.test_studies import merged, record
 from tests.results.records_of_a_lab import run, stopped
+from tests.shared_records import write_copy
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.studies.evidence import read_evidence
 from vsnbench.results.studies.queries import studies
@@ -38,17 +39,23 @@ def test_drivers_that_run_at_once_append_to_one_chain(url: str) -> None:
         assert integrity(journal, study.uuid).differences == ()
 
 
-@pytest.mark.parametrize("damage", ["", "DELETE FROM study_event WHERE id = (SELECT MAX(id) FROM study_event)"])
-def test_a_merge_unites_two_logs_and_keeps_the_sign_of_a_deleted_event(tmp_path: Path, url: str, damage: str) -> None:
-    with record(tmp_path / "ours") as journal:
+def write_two_logs(directory: Path) -> None:
+    """Lock a study, and let two drivers go on with copies of it, both with rank 4; the second unblinds it."""
+    with record(directory / "ours") as journal:
         study = lock_drawn(journal)
         run_ranks(journal, study, range(2))
-    shutil.copytree(tmp_path / "ours", tmp_path / "theirs")
-    with record(tmp_path / "ours") as journal:
+    shutil.copytree(directory / "ours", directory / "theirs")
+    with record(directory / "ours") as journal:
         run_ranks(journal, study, range(2, 5))
-    with record(tmp_path / "theirs") as journal:
+    with record(directory / "theirs") as journal:
         run_ranks(journal, study, range(4, 8))
         journal.unblind_study(study.id, "all is done here")
+
+
+@pytest.mark.parametrize("damage", ["", "DELETE FROM study_event WHERE id = (SELECT MAX(id) FROM study_event)"])
+def test_a_merge_unites_two_logs_and_keeps_the_sign_of_a_deleted_event(tmp_path: Path, url: str, damage: str) -> None:
+    write_copy(tmp_path, write_two_logs)
+    with record(tmp_path / "theirs") as journal:
         if damage:
             with journal.engine.begin() as connection:
                 connection.exec_driver_sql(damage)

@@ -19,6 +19,7 @@ from tests.cli.test_record_verbs import vsnbench
 from tests.processes import Fork
 from tests.results.locked_study import lock_drawn, run_ranks
 from tests.results.records_of_a_lab import begun, plan, run, stopped
+from tests.shared_records import write_copy
 from vsnbench.errors import RecordError
 from vsnbench.evidence.bundle.make import BundleRequest, make_bundle
 from vsnbench.evidence.bundle.selection import select_campaigns
@@ -38,15 +39,19 @@ COUNTED = ("campaign", "trial", "episode", "step", "verdict", "placement")
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Campaign 1 with episodes 1 and 2 and their images, campaign 2 with episode 3 and a running one (4)."""
     monkeypatch.setenv("VSNBENCH_OPERATOR", "ada")
-    with Journal.open(sqlite_url(tmp_path / "vsnbench.db")) as journal:
+    write_copy(tmp_path, write_two_campaigns)
+    return tmp_path
+
+
+def write_two_campaigns(directory: Path) -> None:
+    with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
         first, second = (journal.find_or_create_campaign(plan(seed=seed)).trials for seed in (1, 2))
         for trial in (*first[:2], second[0]):
             claim = run(journal, trial, stopped(success=True))
-            image = tmp_path / claim.images_directory / "rgb" / "0001.jpg"
+            image = directory / claim.images_directory / "rgb" / "0001.jpg"
             image.parent.mkdir(parents=True)
             image.write_bytes(b"jpeg")
         begun(journal, second[1])
-    return tmp_path
 
 
 def rows(results: Path, file: Path | None = None) -> dict[str, int]:

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.cli.test_record_verbs import vsnbench
 from tests.processes import has_ended, wait_until
 from vsnbench.files.atomic import PART
 from vsnbench.runner.executors import local_pool
@@ -31,6 +32,7 @@ STORY = """
 """
 JUDGED = "SELECT COUNT(*), COUNT(DISTINCT trial_id) FROM episode WHERE state = 'judged'"
 DEADLINE_S = 120.0
+ROBOT = "simulated:turtlebot2@160x120"
 
 
 def rows(results: Path, query: str) -> list[tuple[object, ...]]:
@@ -42,7 +44,7 @@ def rows(results: Path, query: str) -> list[tuple[object, ...]]:
 def running(results: Path, *words: str) -> Iterator["subprocess.Popen[str]"]:
     """Start `vsnbench run` in a separate process; end it and its workers with the block."""
     command = [sys.executable, "-m", "vsnbench.cli.main", "run", *words, "--results", str(results)]
-    environment = os.environ | {"COLUMNS": "200", "VSNBENCH_ROBOT": "simulated:turtlebot2@160x120"}
+    environment = os.environ | {"COLUMNS": "200", "VSNBENCH_ROBOT": ROBOT}
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
     try:
         yield process
@@ -100,7 +102,8 @@ def half_written(results: Path) -> list[Path]:
 
 def test_two_workers_give_the_same_bits_as_one(tmp_path: Path) -> None:
     words = ("--model", "random", "--goal", "chair,bed", "--starts", "1-3", "--noise", "--max-steps", "6")
-    run(tmp_path / "one", *words, "--workers", "1")
+    here = vsnbench(tmp_path / "one", "run", *words, "--workers", "1", "--robot", ROBOT)
+    assert here.returncode == 0, here.stderr
     output = run(tmp_path / "two", *words, "--workers", "2")
     assert "2 workers: " in output
     assert "all 6 trials are done" in output

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tests.results.records_of_a_lab import plan, run, stopped, void
+from tests.shared_records import write_copy
 from tests.web.browser import Browser
 from vsnbench.protocol.disturbances import NONE, Disturbances
 from vsnbench.results.database_url import sqlite_url
@@ -27,7 +28,10 @@ def make_record(directory: Path, names: tuple[str, str] = ("slow", "fast"), dist
 
     The first sees with disturbances, if there are any.
     """
-    directory.mkdir(exist_ok=True)
+    write_copy(directory, _write_record, names, disturbances)
+
+
+def _write_record(directory: Path, names: tuple[str, str], disturbances: Disturbances) -> None:
     with Journal.open(sqlite_url(directory / "vsnbench.db")) as journal:
         for place, name in enumerate(names):
             given = plan(seed=place)

@@ -7,7 +7,7 @@ traceback.
 
 import math
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from enum import StrEnum
 from typing import Any, Final
@@ -116,23 +116,22 @@ def record_faults(connection: Connection) -> Iterator[str]:
         if table.name not in there:
             continue
         known = {column["name"] for column in inspect(connection).get_columns(table.name)}
-        for column in table.columns:
-            if column.name in known:
-                yield from _column_faults(connection, table, column)
+        yield from _table_faults(connection, table, [column for column in table.columns if column.name in known])
     if connection.dialect.name == "sqlite":
         for child, row, parent, _ in connection.execute(text("PRAGMA foreign_key_check")):
             yield f"row {row} of {child} refers to a missing row of {parent}"
 
 
-def _column_faults(connection: Connection, table: Table, column: Column[Any]) -> Iterator[str]:
-    as_stored = cast(column, Text) if _is_json(column) else type_coerce(column, NullType())
+def _table_faults(connection: Connection, table: Table, columns: Sequence[Column[Any]]) -> Iterator[str]:
+    stored = [cast(column, Text) if _is_json(column) else type_coerce(column, NullType()) for column in columns]
     keys = [type_coerce(key, NullType()) for key in table.primary_key.columns]
-    rows = connection.execution_options(yield_per=5_000).execute(select(as_stored, *keys))
-    check = _check_of(table, column)
-    for value, *key in rows:
-        wrong = ("missing, but required" if not column.nullable else "") if value is None else check(value)
-        if wrong:
-            yield f"{table.name} {'/'.join(str(part)[:20] for part in key)}: {column.name} is {wrong}"
+    checks = [(column, _check_of(table, column)) for column in columns]
+    for row in connection.execution_options(yield_per=5_000).execute(select(*keys, *stored)):
+        for (column, check), value in zip(checks, row[len(keys) :], strict=True):
+            wrong = ("missing, but required" if not column.nullable else "") if value is None else check(value)
+            if wrong:
+                where = "/".join(str(part)[:20] for part in row[: len(keys)])
+                yield f"{table.name} {where}: {column.name} is {wrong}"
 
 
 def _check_of(table: Table, column: Column[Any]) -> Callable[[Any], str]:

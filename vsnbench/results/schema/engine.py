@@ -18,6 +18,8 @@ from urllib.parse import quote
 
 import numpy as np
 from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.dialects import registry
+from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from vsnbench.config import same_file_above
@@ -39,6 +41,30 @@ _READER_TIMEOUT_S = 30.0
 """Seconds that a reader waits; only for files that are recovered or not in WAL mode."""
 
 logger = logging.getLogger(__name__)
+
+
+_statements: dict[Any, Any] = {}
+"""Compiled statements of all SQLite files of this process: a merge or a verification opens several."""
+_MOST_STATEMENTS = 2_000
+
+
+class SQLiteRecord(SQLiteDialect_pysqlite):
+    """SQLite's dialect, equal for all files, so that SQLAlchemy finds what it compiled for another one.
+
+    `open_engine` gives all of them the same options.
+    """
+
+    supports_statement_cache = True
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+
+_DRIVER = "sqlite+vsnbench"
+registry.register(_DRIVER.replace("+", "."), __name__, SQLiteRecord.__name__)
 
 
 @dataclass
@@ -79,6 +105,11 @@ def open_engine(url: str, *, read_only: bool = False, patience: LockWait | None 
             return engine.execution_options(postgresql_readonly=True) if read_only else engine
         if read_only and parsed.database:
             options["creator"] = sqlite_reader(Path(parsed.database))
+        if parsed.get_driver_name() == SQLiteRecord.driver:
+            parsed = parsed.set(drivername=_DRIVER)
+            if len(_statements) > _MOST_STATEMENTS:
+                _statements.clear()
+            options["execution_options"] = {"compiled_cache": _statements}
         engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, **options)
     except ArgumentError as error:  # an SQLite URL with a host, or a list of hosts with an invalid port
         raise UsageError(f"{redacted_url(url)} names no database ({str(error).splitlines()[0]})") from error

@@ -52,7 +52,7 @@ def schema_state(engine: Engine) -> SchemaState:
         RecordError: the database cannot be read, is from a newer vsnbench, or is not a record.
     """
     with record_errors(engine), engine.connect() as connection:
-        return _state(connection)
+        return SchemaState(HEAD, HEAD) if _is_head(connection) else _state(connection)
 
 
 @contextmanager

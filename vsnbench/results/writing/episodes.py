@@ -76,7 +76,7 @@ class EpisodeWriter:
     def renew(self, episode_id: int) -> bool:
         """Renew the lease of a claim; False if the claim is lost."""
         with transaction(self.engine) as connection:
-            mine = _MINE.values(lease_until=lease(connection))
+            mine = _MINE.values(lease_until=lease(connection.dialect))
             found = connection.execute(mine, {"episode": episode_id, "process": self._process_id})
         return found.rowcount == 1
 
@@ -88,7 +88,7 @@ class EpisodeWriter:
         """
         with transaction(self.engine) as connection:
             row = {**pose_columns("start", start.pose), "start_source": start.source.value}
-            row["lease_until"] = lease(connection)
+            row["lease_until"] = lease(connection.dialect)
             advance(connection, episode_id, EpisodeState.PLACED, process_id=self._process_id, **row)
 
     def begin(self, episode_id: int, entry: EpisodeBegin) -> None:
@@ -98,7 +98,7 @@ class EpisodeWriter:
             EpisodeClosedError: the episode is not placed, or the claim is lost.
         """
         with transaction(self.engine) as connection:
-            row = {**episode_begin_row(entry), "lease_until": lease(connection)}
+            row = {**episode_begin_row(entry), "lease_until": lease(connection.dialect)}
             advance(connection, episode_id, EpisodeState.RUNNING, process_id=self._process_id, **row)
             if entry.measured is not None:
                 session = session_of(connection, episode_id)
@@ -239,7 +239,7 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
         },
     )
     directory = images_directory(episode_id)
-    held = {"images_directory": directory, "lease_until": lease(connection)}
+    held = {"images_directory": directory, "lease_until": lease(connection.dialect)}
     connection.execute(update(EpisodeRow).where(EpisodeRow.id == episode_id).values(held))
     return Claim(episode_id, identity, trial, seed, directory)
 

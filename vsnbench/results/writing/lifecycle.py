@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import Connection, DateTime, Engine, func, select, update
+from sqlalchemy import Connection, DateTime, Dialect, func, select, update
 
 from vsnbench.errors import EpisodeClosedError, UsageError
 from vsnbench.results.schema.tables import EpisodeRow, ProcessRow
@@ -56,12 +56,12 @@ LEASE = timedelta(seconds=60)
 """Time for which a claim holds without renewal; `Journal.renew` and, after a part of the time, steps renew it."""
 
 
-def lease(connection: Connection | Engine) -> Any:
+def lease(dialect: Dialect) -> Any:
     """Return the value of a lease renewed now.
 
     On a server its own clock is used, because the clocks of two robots may differ by minutes.
     """
-    if connection.dialect.name == "postgresql":
+    if dialect.name == "postgresql":
         return func.clock_timestamp(type_=DateTime(timezone=True)) + LEASE
     return datetime.now(UTC) + LEASE
 

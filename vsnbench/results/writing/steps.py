@@ -1,6 +1,6 @@
 """Converts steps to rows and back, and appends them quickly while a robot drives.
 
-The statements of a step are compiled once per database. Compiling them for every step would cost more than executing
+The statements of a step are compiled once. Compiling them for every step would cost more than executing
 them, on a thread that competes with the model for the interpreter.
 """
 
@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any, Self
 
 from sqlalchemy import (
@@ -88,26 +89,8 @@ class StepStatements:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._is_sqlite = engine.dialect.name == "sqlite"
-        until = lease(engine)  # on a server an expression of the statement
-        self._tells_time = isinstance(until, datetime)
-        runs_here = (
-            EpisodeRow.id == bindparam("episode_id"),
-            EpisodeRow.process_id == bindparam("process"),
-            EpisodeRow.end_reason.is_(None),
-            EpisodeRow.state == EpisodeState.RUNNING.value,
-        )
-        sign = (
-            update(EpisodeRow).where(*runs_here).values(lease_until=bindparam("until") if self._tells_time else until)
-        )
-        self._sign_of_life = DriverStatement.of(sign, engine.dialect)
-        columns = StepRow.__table__.columns
-        names = [column.name for column in columns]
-        self._insert = DriverStatement.of(insert(StepRow).inline(), engine.dialect, names)
-        row = select(*(bindparam(column.name, type_=column.type) for column in columns))
-        running = select(EpisodeRow.id).where(*runs_here)
-        self._insert_where_it_runs = DriverStatement.of(
-            insert(StepRow).from_select(names, row.where(running.exists())), engine.dialect
-        )
+        self._tells_time = isinstance(lease(engine.dialect), datetime)  # on a server an expression of the statement
+        self._sign_of_life, self._insert, self._insert_where_it_runs = _compiled(engine.dialect)
         self._one_at_a_time = threading.Lock()
         self._pooled: PoolProxiedConnection | None = None
         self._alive: tuple[int, datetime] | None = None
@@ -171,6 +154,30 @@ class StepStatements:
         self._insert.execute(run, row)
         self._alive = (row["episode_id"], until)
         return True
+
+
+@lru_cache(maxsize=8)
+def _compiled(dialect: Dialect) -> tuple[DriverStatement, DriverStatement, DriverStatement]:
+    """Compile the sign of life of an episode, the insertion of a step, and the latter if the episode runs."""
+    until = lease(dialect)
+    runs_here = (
+        EpisodeRow.id == bindparam("episode_id"),
+        EpisodeRow.process_id == bindparam("process"),
+        EpisodeRow.end_reason.is_(None),
+        EpisodeRow.state == EpisodeState.RUNNING.value,
+    )
+    sign = update(EpisodeRow).where(*runs_here)
+    sign = sign.values(lease_until=bindparam("until") if isinstance(until, datetime) else until)
+    columns = StepRow.__table__.columns
+    names = [column.name for column in columns]
+    row = select(*(bindparam(column.name, type_=column.type) for column in columns))
+    running = select(EpisodeRow.id).where(*runs_here)
+    guarded = insert(StepRow).from_select(names, row.where(running.exists()))
+    return (
+        DriverStatement.of(sign, dialect),
+        DriverStatement.of(insert(StepRow).inline(), dialect, names),
+        DriverStatement.of(guarded, dialect),
+    )
 
 
 def step_row(episode_id: int, step: StepRecord) -> Row:

@@ -9,8 +9,6 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from typing import Any
 
-from vsnbench.control.law import ideal_duration_s
-from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, motion_response_results
@@ -245,7 +243,7 @@ class RosCheckup(ABC):
         """The rates of the sensors' topics in the profile, Hz."""
         names = self.names
         rates = {names.odometry_topic: self.profile.base.odometry_rate_hz, names.color: names.camera_rate_hz}
-        return rates | ({names.depth: names.camera_rate_hz} if names.depth else {})
+        return rates | dict.fromkeys(filter(None, (names.depth, *names.further_images)), names.camera_rate_hz)
 
     def _topic_results(self) -> Iterator[CheckResult]:
         names, rates = self.names, self._rates
@@ -309,12 +307,6 @@ class RosCheckup(ABC):
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
 
 
-def turn_timeout_s(movement: Move, profile: RobotProfile) -> float:
-    """Return the time in which a mover has to answer to a turn: a slow base turns for longer than most."""
-    settings = MotionSettings.for_robot(profile)
-    return 2 * ideal_duration_s(abs(movement.turn_rad), settings, turns=True) + 12.0
-
-
 def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:
     """Return the type of every topic that the robot should publish; `others` are the types of further topics."""
     kinds = {
@@ -324,6 +316,8 @@ def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, st
         names.color_info: "sensor_msgs/CameraInfo",
         names.depth_info: "sensor_msgs/CameraInfo",
         names.imu: "sensor_msgs/Imu",
+        **{topic: image_type(topic) for topic in names.further_images},
+        **dict.fromkeys(names.further_infos, "sensor_msgs/CameraInfo"),
         **others,
     }
     return {topic: names.type_name(kind) for topic, kind in kinds.items() if topic}

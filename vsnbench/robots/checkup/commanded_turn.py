@@ -5,10 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 from vsnbench.control.command import STANDSTILL, Command
+from vsnbench.control.law import ideal_duration_s
+from vsnbench.control.settings import MotionSettings
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.response import CommandedTurn, lateral_results, response_results
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.sensing.odometry.odometry import OdometryReading
+from vsnbench.values.movement import Move
 from vsnbench.values.robot_profile import RobotProfile
 
 _PERIOD_S = 0.02
@@ -106,3 +109,9 @@ def _check(base: SteeredBase, readings: dict[float, OdometryReading], began_s: f
     heard_s = max((reading.arrival_s for reading in list(readings.values())[-3:]), default=began_s)
     if base.now_s - heard_s > _SILENT_S:
         raise RobotError("the odometry is silent", advice="start the driver of the base", code="no-odometry")
+
+
+def turn_timeout_s(movement: Move, profile: RobotProfile) -> float:
+    """Return the time in which a mover has to answer to a turn: a slow base turns for longer than most."""
+    settings = MotionSettings.for_robot(profile)
+    return 2 * ideal_duration_s(abs(movement.turn_rad), settings, turns=True) + 12.0

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import ImageError, SensorLostError
+from vsnbench.robots.ros.further_cameras import FurtherCameras
 from vsnbench.robots.ros.image_timing import MAX_SKEW_S, RateWatch, missing_images, not_ahead, observation_timeout_s
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.sensing.images.camera_images import (
@@ -30,7 +31,7 @@ from vsnbench.sensing.images.intrinsics import Calibration, CalibrationError, In
 from vsnbench.sensing.images.rectifier import Rectifier, is_of_own_size, rectifier_of
 from vsnbench.sensing.odometry.attitude import attitude_at
 from vsnbench.sensing.robot_reports import RobotSnapshot
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.observation import InstanceImage, Observation
 from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile
@@ -72,6 +73,9 @@ class RosCamera:
         own."""
         self.labelled = link.has_labels
         """Whether a simulator labels the images; read once, because a ROS master may die during an episode."""
+        self._further = FurtherCameras(link, dict(profile.cameras), self._rectifier_of)
+        self.roles = self._further.roles | {CameraRole.FRONT}
+        """Roles of the cameras in its observations."""
         self._await_calibration()
 
     def _await_calibration(self) -> None:
@@ -102,6 +106,7 @@ class RosCamera:
         """
         began_s = time.monotonic()
         match, instances = self._await_images(end)
+        further = self._further.beside(match.color.stamp_s)
         attitude, depths = self._attitude_of(match)
         got_s = time.monotonic()
         camera = self._profile.camera
@@ -151,16 +156,18 @@ class RosCamera:
         sensing |= self._rates.look(self._link.snapshot(), time.monotonic())
         if self._names.attitude is not None:
             sensing |= {"roll_deg": math.degrees(attitude.roll_rad), "pitch_deg": math.degrees(attitude.pitch_rad)}
+        pose = read_pose(match.color.stamp_s)
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
-            pose=read_pose(match.color.stamp_s),
+            pose=pose,
             stamp_s=match.color.stamp_s,
             camera=camera.on(attitude),
             instances=instances,
             depth_stamp_s=match.depths[-1].stamp_s if match.depths else None,
             beyond_range=beyond,
             sensing={name: number for name, number in sensing.items() if math.isfinite(number)},
+            cameras=self._further.seen(further, attitude, pose),
             depth_frame_digest=hashlib.blake2b(frames[-1].tobytes(), digest_size=16).digest() if frames else None,
         )
 
@@ -270,6 +277,11 @@ class RosCamera:
         calibration, camera = self._link.snapshot().calibrations.get(topic), self._profile.camera
         is_depth = topic == self._names.depth and len(size) == 2
         own = is_depth and is_of_own_size(calibration, camera, (size[0], size[1]), self._link.image_turns)
+        return self._rectifier_of(topic, camera, attitude, own=own)
+
+    def _rectifier_of(self, topic: str, camera: Camera, attitude: Attitude, *, own: bool = False) -> Rectifier:
+        """Return the rectifier of a topic to a camera; `own` is whether its images have a size of their own."""
+        calibration = self._link.snapshot().calibrations.get(topic)
         with self._changing:  # the guard looks while the model gets an observation
             known = self._rectifiers.get((topic, attitude))
             if known is not None and known[0] is calibration and known[1] is own:

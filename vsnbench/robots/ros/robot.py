@@ -106,6 +106,7 @@ class RosRobot(Robot):
         if self._link.can_drive:
             adapter, kinds = self._link.adapter, profile.drive_kinds
             self.action_kinds = (kinds & adapter.movements if adapter else kinds) | {ActionKind.DISCRETE}
+        self.cameras = self._camera.roles
         self.sensors = frozenset(
             {Sensor.RGB, Sensor.ODOMETRY}
             | ({Sensor.DEPTH} if self._link.names.depth else set())

@@ -1,14 +1,16 @@
 """Fields that the interface of a robot profile has over ROS 1 and over ROS 2."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from vsnbench.errors import RobotError
 from vsnbench.ros.common.hazard_topics import HazardTopic
+from vsnbench.values.camera import CameraRole
 from vsnbench.values.robot_profile import Interface, RobotProfile
 
+_TOPIC = r"^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$"
 FrameId = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$", max_length=100)]
 """Name of a TF frame, without a leading slash."""
 
@@ -26,7 +28,7 @@ class OdometryFrames(BaseModel):
     base_frame: FrameId = "base_link"
     topic: str = Field(
         default="/tf",
-        pattern=r"^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$",
+        pattern=_TOPIC,
         description="topic of the moving links; the topic of the fixed links has _static appended",
     )
 
@@ -48,10 +50,25 @@ class AttitudeSource(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     topic: str = Field(
-        pattern=r"^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$",
+        pattern=_TOPIC,
         description="the topic of the odometry or of TF, whose orientation has them, or one of sensor_msgs/Imu",
     )
     frame: FrameId = Field(default="base_link", description="frame of the IMU; its axes must be those of the base")
+
+
+class CameraTopics(BaseModel):
+    """Topics of a further camera; an empty name means that it does not have the part."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    color: str = Field(pattern=_TOPIC)
+    color_info: str = Field(default="", pattern=f"{_TOPIC}|^$")
+    depth: str = Field(default="", pattern=f"{_TOPIC}|^$")
+    depth_info: str = Field(default="", pattern=f"{_TOPIC}|^$")
+
+    def resolved(self, resolve: Callable[[str], str]) -> Self:
+        """Return the topics with full names."""
+        return self.model_copy(update={part: resolve(getattr(self, part)) for part in type(self).model_fields})
 
 
 class RosInterface(Interface):
@@ -92,6 +109,9 @@ class RosInterface(Interface):
     attitude: AttitudeSource | None = Field(
         default=None, description="source of the base's roll and pitch; none for a base that stays level"
     )
+    cameras: Mapping[CameraRole, CameraTopics] = Field(
+        default_factory=dict, description="topics of the profile's further cameras, by role"
+    )
 
     @property
     def odometry_topic(self) -> str:
@@ -102,6 +122,16 @@ class RosInterface(Interface):
     def odometry_type(self) -> str:
         """Type of the messages on `odometry_topic`, such as `nav_msgs/Odometry`."""
         return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
+
+    @property
+    def further_images(self) -> list[str]:
+        """Topics of colour and depth of the further cameras."""
+        return [topic for topics in self.cameras.values() for topic in (topics.color, topics.depth) if topic]
+
+    @property
+    def further_infos(self) -> list[str]:
+        """Topics of their calibrations."""
+        return [topic for topics in self.cameras.values() for topic in (topics.color_info, topics.depth_info) if topic]
 
     @property
     def imu(self) -> str:
@@ -156,8 +186,8 @@ class RosInterface(Interface):
     def _without_absent_frames(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what is not used, so that the hashes of older profiles stay the same."""
         content: dict[str, Any] = serialize(self)
-        for name in ("tf", "attitude"):
-            if content.get(name) is None:
+        for name in ("tf", "attitude", "cameras"):
+            if not content.get(name):
                 content.pop(name, None)
         return content
 
@@ -180,6 +210,13 @@ def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterfac
         RobotError: the profile has another interface or none.
     """
     if isinstance(profile.interface, wanted):
+        if unknown := set(profile.interface.cameras) - set(profile.cameras):
+            raise RobotError(
+                f"robot profile {profile.name} has topics of a {min(unknown)} camera in interface.cameras, but no such "
+                "camera in cameras",
+                advice=f"state its image and mount: cameras: {{{min(unknown)}: ...}}",
+                code="wrong-interface",
+            )
         return profile.interface.resolved()
     raise RobotError(
         f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface",

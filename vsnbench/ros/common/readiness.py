@@ -118,7 +118,8 @@ class Readiness(ABC):
                 raise RobotError(now.attitude_fault, code="no-attitude")
             if not now.attitudes or now_s - now.attitudes[-1].arrival_s > AGE_LIMIT_S:
                 return self._silence("attitude", names.attitude.topic, "the driver of the IMU")
-        for topic, images in ((names.color, now.colors), (names.depth, now.depths)):
+        further = ((topic, now.further.get(topic, ())) for topic in names.further_images)
+        for topic, images in ((names.color, now.colors), (names.depth, now.depths), *further):
             if topic and (not images or now_s - images[-1].arrival_s > AGE_LIMIT_S):
                 return self._silence("image", topic, "the driver of the camera")
         return None

@@ -238,6 +238,12 @@ class RobotLink(ABC):
         for info, images in ((names.color_info, names.color), (names.depth_info, names.depth)):
             if info and images:
                 self._subscribe_camera_info(info, partial(self._reports.take_camera_info, images))
+        for role, topics in names.cameras.items():
+            for info, images in ((topics.color_info, topics.color), (topics.depth_info, topics.depth)):
+                if images and role in self.profile.cameras:
+                    self._subscribe_image(images, "further", _COLOR_FRAMES)
+                if images and info:
+                    self._subscribe_camera_info(info, partial(self._reports.take_camera_info, images))
 
     def _take_command(self, twist: Any, sender: str, *, rival: bool) -> None:
         """Take a velocity of another node; a held base is commanded to stand still."""

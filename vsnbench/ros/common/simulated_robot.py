@@ -13,6 +13,7 @@ from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRU
 from vsnbench.simulator.dynamics.simulated_base import Contact
 from vsnbench.simulator.robot_player import CameraImages, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
+from vsnbench.values.camera import Camera
 from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -37,6 +38,17 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
         self._color_info = self._publisher(names.color_info, CAMERA_INFO, queue_size=1)
         self._depth = self._publisher(names.depth, IMAGE, queue_size=1)
         self._depth_info = self._publisher(names.depth_info, CAMERA_INFO, queue_size=1)
+        self._further = {
+            role: tuple(
+                self._publisher(topic, kind, queue_size=1)
+                for topic, kind in (
+                    *((topics.color, IMAGE), (topics.color_info, CAMERA_INFO)),
+                    *((topics.depth, IMAGE), (topics.depth_info, CAMERA_INFO)),
+                )
+            )
+            for role, topics in names.cameras.items()
+            if role in profile.cameras
+        }
         self._truth = self._publisher(names.simulation_topic(GROUND_TRUTH), ODOMETRY)
         self._instances = self._publisher(names.simulation_topic(INSTANCES), IMAGE, queue_size=1)
         self._contact = self._publish_text(CONTACT, "")
@@ -78,8 +90,8 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
         """Return a sensor_msgs/Image."""
 
     @abstractmethod
-    def _camera_info_message(self, stamp_s: float, frame_id: str) -> Any:
-        """Return the calibration of the profile's camera as sensor_msgs/CameraInfo."""
+    def _camera_info_message(self, camera: Camera, stamp_s: float, frame_id: str) -> Any:
+        """Return the calibration of a camera of the profile as sensor_msgs/CameraInfo."""
 
     @abstractmethod
     def _publish_bumper(self, before: Contact | None, now: Contact | None) -> None:
@@ -108,20 +120,33 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
 
     def wants_pictures(self) -> bool:
         """Return whether a node subscribes to an image."""
-        return any(p is not None and self._subscribers(p) for p in (self._color, self._depth, self._instances))
+        further = (publisher for publishers in self._further.values() for publisher in publishers)
+        images = (self._color, self._depth, self._instances, *further)
+        return any(publisher is not None and self._subscribers(publisher) for publisher in images)
 
     def publish_picture(self, picture: CameraImages) -> None:
         """Publish the images and calibrations of the cameras."""
         stamp_s = picture.stamp_s
         if self._subscribers(self._instances):
             self._instances.publish(self._image_message(picture.instances, "16UC1", stamp_s, self.depth_frame))
-        if self._depth is not None:
-            self._depth.publish(self._image_message(picture.depth_mm, "16UC1", stamp_s, self.depth_frame))
-            if self._depth_info is not None:
-                self._depth_info.publish(self._camera_info_message(stamp_s, self.depth_frame))
-        self._color.publish(self._image_message(picture.rgb, "rgb8", stamp_s, self.color_frame))
-        if self._color_info is not None:
-            self._color_info.publish(self._camera_info_message(stamp_s, self.color_frame))
+        main = (self._color, self._color_info, self._depth, self._depth_info)
+        self._publish_images(main, picture, self.profile.camera, self.color_frame, self.depth_frame)
+        for role, publishers in self._further.items():
+            frame = f"{role}_camera_optical_frame"
+            self._publish_images(publishers, picture.cameras[role], self.profile.cameras[role], frame, frame)
+
+    def _publish_images(
+        self, publishers: tuple[Any, ...], seen: CameraImages, camera: Camera, color_frame: str, depth_frame: str
+    ) -> None:
+        """Publish colour, its calibration, depth and its calibration, as far as there are publishers."""
+        color, color_info, depth, depth_info = publishers
+        if depth is not None:
+            depth.publish(self._image_message(seen.depth_mm, "16UC1", seen.stamp_s, depth_frame))
+            if depth_info is not None:
+                depth_info.publish(self._camera_info_message(camera, seen.stamp_s, depth_frame))
+        color.publish(self._image_message(seen.rgb, "rgb8", seen.stamp_s, color_frame))
+        if color_info is not None:
+            color_info.publish(self._camera_info_message(camera, seen.stamp_s, color_frame))
 
     def _publish_text(self, topic: str, text: str) -> Any:
         """Return a latched publisher of std_msgs/String that has published `text`."""

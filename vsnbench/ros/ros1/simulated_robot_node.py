@@ -29,6 +29,7 @@ from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
 from vsnbench.simulator.robot_player import SimulationOptions
 from vsnbench.sites.site import Site
+from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -133,11 +134,11 @@ class Ros1SimulatedRobot(SimulatedRobotTask):
         message.data = pixels.tobytes()
         return message
 
-    def _camera_info_message(self, stamp_s: float, frame_id: str) -> Any:
-        camera, info = PinholeMatrices.of(self.profile.camera), CameraInfo()
+    def _camera_info_message(self, camera: Camera, stamp_s: float, frame_id: str) -> Any:
+        matrices, info = PinholeMatrices.of(camera), CameraInfo()
         info.header.stamp, info.header.frame_id = rospy.Time.from_sec(stamp_s), frame_id
-        info.width, info.height, info.distortion_model = camera.width, camera.height, "plumb_bob"
-        info.K, info.P, info.R, info.D = camera.k, camera.p, list(camera.r), list(camera.d)
+        info.width, info.height, info.distortion_model = matrices.width, matrices.height, "plumb_bob"
+        info.K, info.P, info.R, info.D = matrices.k, matrices.p, list(matrices.r), list(matrices.d)
         return info
 
     def _bumper_event(self, part: int, *, pressed: bool) -> Any:

@@ -90,6 +90,7 @@ class Ros2Interface(RosInterface):
             names["tf"] = self.tf.model_copy(update={"topic": self.resolve(self.tf.topic)})
         if self.attitude is not None:
             names["attitude"] = self.attitude.model_copy(update={"topic": self.resolve(self.attitude.topic)})
+        names["cameras"] = {role: topics.resolved(self.resolve) for role, topics in self.cameras.items()}
         return self.model_copy(update=names)
 
 

@@ -15,8 +15,8 @@ from vsnbench.control.command import Command
 from vsnbench.errors import ImageError
 from vsnbench.ros.common.messages import PinholeMatrices, fill_image, fill_odometry, fill_twist, turned
 from vsnbench.ros.ros2.interface import TWIST, TWIST_STAMPED
+from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
-from vsnbench.values.robot_profile import RobotProfile
 
 OPTICAL_FRAME = "camera_optical_frame"
 COMMAND_CLASSES: dict[str, Any] = {TWIST: Twist, TWIST_STAMPED: TwistStamped}
@@ -94,10 +94,10 @@ def image_message(pixels: npt.NDArray[Any], encoding: str, stamp_s: float, turns
     return message
 
 
-def camera_info_message(profile: RobotProfile, stamp_s: float, turns: int = 0) -> Any:
-    """Return the calibration of a profile's camera as sensor_msgs/CameraInfo."""
-    camera = PinholeMatrices.of(profile.camera, turns)
-    info = CameraInfo(width=camera.width, height=camera.height, distortion_model="plumb_bob", d=list(camera.d))
+def camera_info_message(camera: Camera, stamp_s: float, turns: int = 0) -> Any:
+    """Return the calibration of a camera as sensor_msgs/CameraInfo."""
+    matrices = PinholeMatrices.of(camera, turns)
+    info = CameraInfo(width=matrices.width, height=matrices.height, distortion_model="plumb_bob", d=list(matrices.d))
     info.header.stamp, info.header.frame_id = time_of(stamp_s), OPTICAL_FRAME
-    info.k, info.p, info.r = camera.k, camera.p, list(camera.r)
+    info.k, info.p, info.r = matrices.k, matrices.p, list(matrices.r)
     return info

@@ -29,6 +29,7 @@ from vsnbench.sensing.simulation import PLACE
 from vsnbench.simulator.dynamics.simulated_base import Contact
 from vsnbench.simulator.robot_player import SimulationOptions
 from vsnbench.sites.site import Site
+from vsnbench.values.camera import Camera
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -105,8 +106,8 @@ class Ros2SimulatedRobot(SimulatedRobotTask):
     def _image_message(self, pixels: npt.NDArray[Any], encoding: str, stamp_s: float, frame_id: str) -> Any:  # noqa: ARG002
         return image_message(pixels, encoding, stamp_s, self.names.image_turns)
 
-    def _camera_info_message(self, stamp_s: float, frame_id: str) -> Any:  # noqa: ARG002
-        return camera_info_message(self.profile, stamp_s, self.names.image_turns)
+    def _camera_info_message(self, camera: Camera, stamp_s: float, frame_id: str) -> Any:  # noqa: ARG002
+        return camera_info_message(camera, stamp_s, self.names.image_turns)
 
     def _on_command(self, message: Any) -> None:
         self.take_velocity(twist_of(message))

@@ -286,7 +286,7 @@ def _check_sensors(description: SetupDescription, cameras: frozenset[CameraRole]
     if further := card.cameras - cameras:
         raise UsageError(
             f"model {card.name} needs a {' and a '.join(sorted(further))} camera, which robot {robot} does not have",
-            advice="the profile of a simulated robot lists further cameras: docs/robots.md",
+            advice="list its further cameras in the profile: docs/robots.md",
             code="missing-camera",
         )
 

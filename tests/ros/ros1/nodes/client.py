@@ -6,6 +6,8 @@ import math
 import sys
 import time
 
+import numpy as np
+
 from vsnbench.errors import NotPlacedError, SensorLostError, VsnbenchError
 from vsnbench.protocol.judge import EndReason, end_after
 from vsnbench.protocol.limits import Spent
@@ -48,6 +50,10 @@ class Client:
             "depth_stamp_s": seen.depth_stamp_s,
             "pose": dataclasses.astuple(seen.pose),
             "capture": dict(seen.sensing),
+            "cameras": {
+                role.value: [view.stamp_s - seen.stamp_s, list(view.rgb.shape), float(np.nanmean(view.depth_m))]
+                for role, view in seen.cameras.items()
+            },
         }
 
     def execute(self, action: str) -> dict:

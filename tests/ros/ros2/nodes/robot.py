@@ -4,7 +4,8 @@ It prints the times when it `moves` or `stands`, and when it is `commanded` to m
 
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`,
 `frozen` (the same colours with new stamps), `half` (no depth in the left half), `slow` (one image per second), `late`
-(0.3 s after its stamp); `frozen+half` is both. Either: `good`; `where` says where the base truly is. Arguments:
+(0.3 s after its stamp); `frozen+half` is both. `apart S`: every camera sends five images a second, the left one's are
+stamped S earlier. Either: `good`; `where` says where the base truly is. Arguments:
 `--stamped` listens to TwistStamped, `--noise DEG M` is white noise of the odometry, at rest as well.
 """
 
@@ -41,6 +42,8 @@ odometry = make.create_publisher(Odometry, "odom", SENSOR_DATA)
 bumper = make.create_publisher(Bool, "bumper", SENSOR_DATA)
 hazards = make.create_publisher(HazardDetectionVector, "hazard_detection", SENSOR_DATA)
 dock = make.create_publisher(DockStatus, "dock_status", SENSOR_DATA)
+left_color = make.create_publisher(Image, "camera_left/color/image_raw", SENSOR_DATA)
+left_depth = make.create_publisher(Image, "camera_left/depth/image_raw", SENSOR_DATA)
 color = make.create_publisher(Image, "camera/color/image_raw", SENSOR_DATA)
 depth = make.create_publisher(Image, "camera/depth/image_raw", SENSOR_DATA)
 heard: queue.SimpleQueue = queue.SimpleQueue()
@@ -53,6 +56,7 @@ noise_rad, noise_m, draws = math.radians(chosen.noise[0]), chosen.noise[1], rand
 sys.stdout.write("up\n")
 sys.stdout.flush()
 pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
+apart_s: float | None = None
 rng, colors = np.random.default_rng(0), None
 current, heard_s, moved, commanded = Twist(), -math.inf, False, False
 pressed, cliffs = False, ()
@@ -77,6 +81,8 @@ while True:
             sys.stdout.flush()
         elif word == "timeout":
             timeout_s = float(rest[0])
+        elif word == "apart":
+            apart_s = float(rest[0])
         else:
             fault = word
     while not heard.empty():
@@ -110,7 +116,7 @@ while True:
         bumper.publish(Bool(data=pressed))  # a base of ROS 2 publishes the state of its sensors all the time
         hazards.publish(hazard_vector(*cliffs))
     if now >= camera_due and fault != "blind":
-        camera_due = max(camera_due + (1.0 if "slow" in fault else 1 / 30), now)
+        camera_due = max(camera_due + (1.0 if "slow" in fault else 1 / 30 if apart_s is None else 0.2), now)
         taken_s = stamp_s - (3600 if fault == "past" else 0.3 if "late" in fault else 0)
         size = (24, 32) if fault == "small" else (48, 64)
         if colors is None or "frozen" not in fault:
@@ -120,3 +126,6 @@ while True:
             wall[:, :32] = 0
         color.publish(image_message(colors, "rgb8", taken_s))
         depth.publish(image_message(wall, "16UC1", taken_s))
+        if apart_s is not None:
+            left_color.publish(image_message(colors, "rgb8", taken_s - apart_s))
+            left_depth.publish(image_message(wall, "16UC1", taken_s - apart_s))

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from vsnbench.robots.checkup.base import turn_timeout_s
+from vsnbench.robots.checkup.commanded_turn import turn_timeout_s
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.ros.ros2.topic_service import ANSWER_S, GONE_S
