@@ -32,14 +32,6 @@ _SKIN = 0.001
 """Distance between coverings, metres, so that no two visible surfaces share a plane."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Gap:
-    start: float
-    end: float
-    bottom: float
-    top: float
-
-
 def build_structure(site: Site, *, is_surveyed_only: bool = False) -> Iterator[Primitive]:
     """Yield the primitives of a site's building; `instance` is 0. No survey has the lights at the ceiling."""
     yield from _floors(site)
@@ -204,12 +196,12 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
     half = run.half
     height = site.ceiling_height_m if wall.height_m is None else min(wall.height_m, site.ceiling_height_m)
     material = _PLASTER if wall.color is None else replace(_PLASTER, color=rgb(wall.color))
-    openings: list[_Gap] = []
+    openings: list[tuple[Span, Span]] = []  # along the wall, heights
     for door in site.doors:
         at = run.place(site, door)
         if at is not None:
             top = min(door.height_m, height)
-            openings.append(_Gap(at[0] - _JAMB, at[1] + _JAMB, 0.0, min(top + _JAMB, height)))
+            openings.append(((at[0] - _JAMB, at[1] + _JAMB), (0.0, min(top + _JAMB, height))))
             yield from _door_frame(run, at, top)
             if door.closed:
                 yield from _leaf(run, door, at, top)
@@ -217,19 +209,19 @@ def _wall(site: Site, wall: Wall) -> Iterator[Primitive]:
         at = run.place(site, window)
         if at is not None and window.sill_m < height:
             head = min(window.head_m, height)
-            openings.append(_Gap(*at, window.sill_m, head))
+            openings.append((at, (window.sill_m, head)))
             yield from _window(run, at, window, head)
-    openings.sort(key=lambda opening: opening.start)
+    openings.sort(key=lambda opening: opening[0][0])
     cursor = -half
-    for opening in openings:
-        if opening.start > cursor:
-            yield from _stretch(site, run, (cursor, opening.start), height, material)
-        span = (max(cursor, opening.start), opening.end)
-        if opening.bottom > 0:
-            yield from _stretch(site, run, span, opening.bottom, material)
-        if height - opening.top > 1e-3:
-            yield run.block(span, (-half, half), (opening.top, height), material)
-        cursor = max(cursor, opening.end)
+    for (start, end), (bottom, top) in openings:
+        if start > cursor:
+            yield from _stretch(site, run, (cursor, start), height, material)
+        span = (max(cursor, start), end)
+        if bottom > 0:
+            yield from _stretch(site, run, span, bottom, material)
+        if height - top > 1e-3:
+            yield run.block(span, (-half, half), (top, height), material)
+        cursor = max(cursor, end)
     if wall.length_m + half > cursor:
         yield from _stretch(site, run, (cursor, wall.length_m + half), height, material)
 

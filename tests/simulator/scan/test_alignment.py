@@ -35,6 +35,11 @@ def test_a_tilted_scan_in_another_frame_and_unit_is_levelled_and_turned_to_the_a
     assert np.allclose((homogeneous @ transformation.T)[:, :3], aligned.vertices, atol=1e-4)
 
 
+def hall() -> ScanMesh:
+    """Return a room of 12 x 9 x 2.5 m."""
+    return turned(room(), np.diag([3.0, 3.0, 1.0]))
+
+
 def upper_storey() -> ScanMesh:
     low, high = room(table=True), room(table=True)
     vertices = np.concatenate([low.vertices, high.vertices + np.array([0, 0, 2.8])]).astype(np.float32)
@@ -46,13 +51,14 @@ def upper_storey() -> ScanMesh:
     ("mesh", "up", "code", "words"),
     [
         (turned(room(), np.eye(3), 1000), "z", "scan-scale", "--unit mm"),
+        (turned(hall(), about(0, 90)), "z", "scan-scale", "--up y"),
         (turned(room(), np.eye(3), 0.013), "z", "scan-scale", "--length"),
         (turned(room(table=True), about(0, 180)), "z", "scan-upside-down", "--up -z"),
         (room(without=("floor", "ceiling")), "z", "scan-no-floor", "scan the floor"),
         (upper_storey(), "z", "scan-storeys", "two storeys"),
         (of_quads(np.array([[(0, 0, 0), (3, 0, 0), (3, 0, 2), (0, 0, 2)]], float)), "z", "scan-no-floor", "--up"),
     ],
-    ids=["millimetres", "no scale", "upside down", "no floor", "two storeys", "one wall"],
+    ids=["millimetres", "another axis", "no scale", "upside down", "no floor", "two storeys", "one wall"],
 )
 def test_a_scan_that_cannot_be_aligned_is_refused_with_the_next_step(
     mesh: ScanMesh, up: str, code: str, words: str

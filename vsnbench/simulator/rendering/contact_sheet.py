@@ -5,7 +5,6 @@ Viewpoints are chosen by trial: small images are rendered from many places, and 
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +24,8 @@ _TRIAL = (80, 60)
 _AREA_PER_VIEW_M2 = 14
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
-    eye: Eye
-    fov_deg: float
-    caption: str
+_View = tuple[Eye, float, str]
+"""A camera pose, its field of view in degrees, and a caption."""
 
 
 def contact_sheet(site: Site, columns: int = 5, width: int = 320, height: int = 240) -> Image:
@@ -72,10 +68,11 @@ def _picture(renderer: Renderer, view: _View, width: int, height: int) -> Image:
     """Render at double size, average, and add frame and caption."""
     import cv2
 
-    fine = _render(renderer, view.eye, view.fov_deg, 2 * width, 2 * height).rgb
+    eye, fov_deg, caption = view
+    fine = _render(renderer, eye, fov_deg, 2 * width, 2 * height).rgb
     image = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
     strip = np.full((22, width, 3), 255, np.uint8)
-    cv2.putText(strip, view.caption, (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (40, 40, 40), 1, cv2.LINE_AA)
+    cv2.putText(strip, caption, (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (40, 40, 40), 1, cv2.LINE_AA)
     cell = np.vstack([image, strip])
     cell[:, -2:] = 255
     return np.asarray(cell, np.uint8)
@@ -124,7 +121,7 @@ def _room_views(site: Site, renderer: Renderer, room: Room) -> list[_View]:
         )
         tried.remove(best)
         seen |= set(best[1])
-        views.append(_View(best[0], _ROOM_FOV_DEG, f"{room.name} {number + 1}" if wanted > 1 else room.name))
+        views.append((best[0], _ROOM_FOV_DEG, f"{room.name} {number + 1}" if wanted > 1 else room.name))
     return views
 
 
@@ -154,7 +151,7 @@ def _close_up(site: Site, renderer: Renderer, index: int) -> _View:
         score = min(float(own.sum()), 1500) - 25 * cut - 350 * abs(aside - 0.5) - 250 * steep
         if score > best_score:
             best, best_score = eye, score
-    return _View(best, _CLOSE_FOV_DEG, caption.replace("_", " "))
+    return best, _CLOSE_FOV_DEG, caption.replace("_", " ")
 
 
 def _around(site: Site, thing: SiteObject) -> Iterable[Eye]:

@@ -82,21 +82,23 @@ def align_scan(mesh: ScanMesh, up: str, metres_per_unit: float) -> tuple[ScanMes
 
 
 def _check_size(spread: Floats, up: tuple[int, int, int]) -> None:
-    high_m = float(abs(spread @ np.array(up)))
-    wide_m = float(max(size for size, axis in zip(spread.tolist(), up, strict=True) if not axis))
-    if _HEIGHTS_M[0] <= high_m <= _HEIGHTS_M[1] and _WIDTHS_M[0] <= wide_m <= _WIDTHS_M[1]:
+    own = next(axis for axis, value in enumerate(up) if value)
+    if _is_plausible(spread, own):
         return
-    likely = [
-        unit
-        for unit, metres in LENGTH_UNITS.items()
-        if _HEIGHTS_M[0] <= high_m * metres <= _HEIGHTS_M[1] and _WIDTHS_M[0] <= wide_m * metres <= _WIDTHS_M[1]
-    ]
     advice = "measure a length in the scan and in the room, and give both: --length 3.20=3.35"
-    if likely and likely[0] != "m":
+    likely = [unit for unit, metres in LENGTH_UNITS.items() if _is_plausible(spread * metres, own)]
+    if other := [name for axis, name in enumerate("xyz") if _is_plausible(spread, axis)]:
+        advice = f"give the axis that points up: --up {other[-1]}, or --up -{other[-1]}"
+    elif likely:
         advice = f"give --unit {likely[0]} if that is the scan's unit, or a measured length: --length 3200=3.20"
-    if _WIDTHS_M[0] <= high_m <= _WIDTHS_M[1] and high_m > 1.5 * wide_m:
-        advice = "give the axis that points up, such as --up z, or a measured length: --length 3.20=3.35"
+    high_m, wide_m = float(spread[own]), float(np.delete(spread, own).max())
     raise SiteError(f"the scan would be {wide_m:.4g} m wide and {high_m:.4g} m high", advice=advice, code="scan-scale")
+
+
+def _is_plausible(spread: Floats, up: int) -> bool:
+    """Whether a flat can have this size, metres along each axis, if `up` is the vertical one."""
+    wide_m = float(np.delete(spread, up).max())
+    return _HEIGHTS_M[0] <= spread[up] <= _HEIGHTS_M[1] and _WIDTHS_M[0] <= wide_m <= _WIDTHS_M[1]
 
 
 def _faces(corners: Floats) -> tuple[Floats, Floats, Floats]:
