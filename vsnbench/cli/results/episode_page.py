@@ -6,7 +6,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vsnbench.cli.support.terminal import safe
+from vsnbench.cli.support.terminal import COLORS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from vsnbench.text.terminal import Console
     from vsnbench.values.step import StepRecord
 
-COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
 """Colour of each outcome."""
 
 

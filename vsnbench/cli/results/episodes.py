@@ -10,7 +10,7 @@ from vsnbench.cli.support.listing import name_column, print_list, prose_column
 from vsnbench.cli.support.lists import split_list
 from vsnbench.cli.support.options import Database, Goals, Models, Results, open_results
 from vsnbench.cli.support.output import Json, print_json
-from vsnbench.cli.support.terminal import page, safe
+from vsnbench.cli.support.terminal import COLORS, page, safe
 from vsnbench.errors import UsageError
 from vsnbench.report.table import Column
 
@@ -71,7 +71,7 @@ def list_(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench episodes list --json | jq '.[] | select(.success) | .id'[/bold]
     """
-    from vsnbench.cli.results.episode_page import COLORS, metres
+    from vsnbench.cli.results.episode_page import metres
     from vsnbench.protocol.disturbances import NONE, parse_disturbances
     from vsnbench.results.annotations import read_tag
     from vsnbench.results.model import EPISODE

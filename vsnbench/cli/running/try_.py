@@ -199,8 +199,7 @@ def _print(
 ) -> None:
     from rich.markup import escape
 
-    from vsnbench.cli.results.episode_page import COLORS
-    from vsnbench.cli.support.terminal import page
+    from vsnbench.cli.support.terminal import COLORS, page
     from vsnbench.report.diagnosis import advice, headline, story, timing
 
     console = page()

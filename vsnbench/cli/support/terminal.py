@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from vsnbench.text.terminal import Console
 
 
+COLORS = {"success": "green", "failure": "red", "void": "yellow", "running": "cyan", "unjudged": "magenta"}
+"""Color of each outcome of an episode."""
+
+
 def page() -> "Console":
     """Return a rich console for stdout. A pipe is 200 columns wide, or `$COLUMNS`."""
     from vsnbench.text.terminal import Console
