@@ -282,11 +282,11 @@ def _untested(record: ReportData, summaries: Sequence[ConditionSummary]) -> Iter
             yield f"Site {condition.site}: its file is not in the record, so what was left out is unknown."
             continue
         possible = {str(goal.id) for goal in site.goals} | {name for name in GOAL_CATEGORIES if name in site.categories}
-        untried: set[str] = possible.difference(goal for summary in there for goal in summary.own_goals)
+        untried = sorted(possible.difference(*(summary.own_goals for summary in there)), key=goal_order)
         starts = {group.start for summary in there for group in summary.starts}
         left = [start.number for start in site.starts if start.number not in starts]
         yield (
-            f"Site {condition.site}: goals without a trial: {listed(sorted(untried, key=goal_order))}; "
+            f"Site {condition.site}: goals without a trial: {listed(untried)}; "
             f"starting positions without a trial: {listed(left)}."
         )
     missing = [
