@@ -17,7 +17,7 @@ from vsnbench.results.goals import GOAL_KINDS, RecordedGoal, goal_text
 from vsnbench.results.reading import read_model as read
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.row_encoding import fix_of_columns
-from vsnbench.results.writing.entries import Leg
+from vsnbench.results.writing.entries import SequenceLeg
 from vsnbench.results.writing.lifecycle import RESULTS
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession, RecordedStop
 from vsnbench.values.fix import Fix, PoseSource
@@ -144,10 +144,10 @@ class Episode:
         tables.CampaignRow.protocol["success_distance_m"].as_float(),
         absent="if it has none",
     )
-    legs: tuple[Leg, ...] = quantity(
+    legs: tuple[SequenceLeg, ...] = quantity(
         "goals of a sequence that were given, in order, as the protocol judged them; empty for another goal",
         _ROW.legs,
-        decode=lambda legs: tuple(Leg(**leg) for leg in legs or ()),
+        decode=lambda legs: tuple(SequenceLeg(**leg) for leg in legs or ()),
     )
     tags: tuple[str, ...] = quantity("tags in alphabetical order")
 

@@ -30,7 +30,7 @@ from vsnbench.protocol.metrics import path_length_m
 from vsnbench.results.schema.row_encoding import fix_of_columns, pose_of_columns
 from vsnbench.results.second_judgements import second_judgements
 from vsnbench.results.writing.campaigns import trial_seed
-from vsnbench.results.writing.entries import Leg, leg_of
+from vsnbench.results.writing.entries import SequenceLeg, leg_of
 from vsnbench.results.writing.lifecycle import ENDED, EpisodeState
 from vsnbench.sites.targets import legs_of, targets_of
 from vsnbench.text.sanitize import counted
@@ -92,9 +92,9 @@ class _EpisodeCheck:
         self.other_wording = False
         site = self.condition.site
         self.goals = (episode.goal,) if site is None else legs_of(site, episode.goal)
-        self.legs: list[Leg] = []
+        self.legs: list[SequenceLeg] = []
         """The goals of a sequence, judged again."""
-        self.recorded = [Leg(**leg) for leg in episode.legs or ()]
+        self.recorded = [SequenceLeg(**leg) for leg in episode.legs or ()]
         self.start = pose_of_columns(episode.start_x_m, episode.start_y_m, episode.start_heading_rad)
         self.final = fix_of_columns(
             episode.final_x_m, episode.final_y_m, episode.final_heading_rad, episode.final_source

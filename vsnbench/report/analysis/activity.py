@@ -18,7 +18,7 @@ from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import AT_STOP
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, GoalRow, RobotRow, StepRow, TrialRow
-from vsnbench.results.writing.entries import INTERVENTION, Leg
+from vsnbench.results.writing.entries import INTERVENTION, SequenceLeg
 from vsnbench.statistics.rates import Proportion
 from vsnbench.values.goal import GoalKind
 
@@ -204,7 +204,11 @@ def read_legs(engine: Engine, record: ReportData) -> Rows:
     for condition in record.conditions:
         mine = counted.loc[counted["condition"] == condition.number]
         known = [
-            (tuple(Leg(**leg) for leg in found[number].legs or ()), len(found[number].content["goals"]), bool(success))
+            (
+                tuple(SequenceLeg(**leg) for leg in found[number].legs or ()),
+                len(found[number].content["goals"]),
+                bool(success),
+            )
             for number, success in zip(mine["episode"].tolist(), mine["success"].tolist(), strict=True)
             if number in found
         ]
@@ -217,7 +221,7 @@ def read_legs(engine: Engine, record: ReportData) -> Rows:
     return tuple(rows)
 
 
-def _of_legs(several: Sequence[Sequence[Leg]], successes: Sequence[bool] | None = None) -> dict[str, Any]:
+def _of_legs(several: Sequence[Sequence[SequenceLeg]], successes: Sequence[bool] | None = None) -> dict[str, Any]:
     """Return rate, SPL and actions of parts of sequences; a part succeeds if its one leg does, unless stated."""
     successes = successes or [all(leg.success for leg in legs) and bool(legs) for legs in several]
     weighted = [_spl_of(legs, success=success) for legs, success in zip(several, successes, strict=True)]
@@ -231,7 +235,7 @@ def _of_legs(several: Sequence[Sequence[Leg]], successes: Sequence[bool] | None 
     }
 
 
-def _spl_of(legs: Sequence[Leg], *, success: bool) -> float:
+def _spl_of(legs: Sequence[SequenceLeg], *, success: bool) -> float:
     shortest = [leg.shortest_m for leg in legs]
     if not success:
         return 0.0

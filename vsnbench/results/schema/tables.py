@@ -240,7 +240,7 @@ class EpisodeRow(TableBase):
     images_directory: Mapped[str]
     """Relative to the results directory; empty without images."""
     legs: Mapped[list[Any] | None]
-    """Goals of a sequence that were given, in order (`results.writing.entries.Leg`); NULL for another goal."""
+    """Goals of a sequence that were given, in order (`results.writing.entries.SequenceLeg`); NULL for another goal."""
 
 
 class StepRow(TableBase):

@@ -19,7 +19,7 @@ collision, or moving the robot by hand."""
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class SequenceLeg:
     """A goal of a sequence, as the robot searched it."""
 
     position: int = quantity("position of the goal in the sequence, from 1")
@@ -45,10 +45,10 @@ class Leg:
         return f"{self.goal}: {outcome}, {ended}, path {self.path_m:.2f} m{shortest}{begun}"
 
 
-def leg_of(position: int, goal: str, verdict: Verdict, spent: Spent, shortest_m: float, *, memory: bool) -> Leg:
+def leg_of(position: int, goal: str, verdict: Verdict, spent: Spent, shortest_m: float, *, memory: bool) -> SequenceLeg:
     """Return what the record has of a goal of a sequence; lengths that are not finite are unknown."""
     distance = verdict.distance
-    return Leg(
+    return SequenceLeg(
         position=position,
         goal=goal,
         end_reason=verdict.end_reason.value,
@@ -101,7 +101,7 @@ class EpisodeEnd:
     """Default: now."""
     stop: StopPose | None = None
     """Pose measured after STOP; None if it was not measured."""
-    legs: tuple[Leg, ...] = ()
+    legs: tuple[SequenceLeg, ...] = ()
     """The goals of a sequence that were given; empty for another goal."""
     unjudged: bool = False
     """Nothing is proposed: the verdict has the end reason only, is not recorded, and a person has to judge."""

@@ -11,7 +11,7 @@ from vsnbench.models.task import task_of
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, GoalDistance, distance_to_goal, judge, judge_sequence
 from vsnbench.protocol.limits import Spent
-from vsnbench.results.writing.entries import EpisodeEnd, Leg, leg_of
+from vsnbench.results.writing.entries import EpisodeEnd, SequenceLeg, leg_of
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.continuous import ContinuousStepper
@@ -123,7 +123,7 @@ def run_episode(
     looks: StopMeasurement | None = None
     error = ""
     base = robot.identity.profile.base
-    goals, legs = legs_of(plan.site, plan.goal), list[Leg]()
+    goals, legs = legs_of(plan.site, plan.goal), list[SequenceLeg]()
     leg, leg_from, actions = replace(plan, goal=goals[0]), Pose(0.0, 0.0), 0
     try:
         get_ready(robot.identity.profile.camera, base, plan.parameters.depth_guard)
@@ -269,7 +269,7 @@ def _stop_measurement(
 
 def _leg_of(
     robot: Robot, leg: EpisodePlan, start: Pose, spent: Spent, end: EpisodeEnd, before: int, calls: PolicyCalls
-) -> Leg:
+) -> SequenceLeg:
     """Return what the record has of a goal of a sequence, which was given at a pose, after `before` other goals."""
     space = free_space(leg.site, robot.identity.profile.base.radius_m)
     shortest_m = space.geodesic_to_goal_m(start, leg.goal, leg.parameters)

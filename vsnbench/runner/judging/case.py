@@ -10,7 +10,7 @@ from vsnbench.protocol.human_verdict import LONGEST_M
 from vsnbench.protocol.judge import EndReason, GoalDistance, Verdict, distance_to_goal, judge_sequence
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.model import EpisodeRecord, RecordedVerdict
-from vsnbench.results.writing.entries import Leg
+from vsnbench.results.writing.entries import SequenceLeg
 from vsnbench.runner.operator.contract import EndedEpisode
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import legs_of, reached_words
@@ -43,7 +43,7 @@ class Case:
     """The distance in the episode's own row."""
     odometry: GoalDistance | None = None
     """Distance from the pose by the odometry where another pose was measured from images after STOP."""
-    legs: tuple[Leg, ...] = ()
+    legs: tuple[SequenceLeg, ...] = ()
     """The goals of a sequence that were given; a person judges the last one, and `actions` are its own."""
     goals: int = 1
     """Number of goals of the sequence."""
@@ -129,11 +129,11 @@ class Case:
         return self.current_verdict.success if self.current_verdict is not None else None
 
 
-def _last_actions(legs: Sequence[Leg], actions: int) -> int:
+def _last_actions(legs: Sequence[SequenceLeg], actions: int) -> int:
     return legs[-1].actions if legs else actions
 
 
-def _last_goal(legs: Sequence[Leg], goal: str) -> str:
+def _last_goal(legs: Sequence[SequenceLeg], goal: str) -> str:
     return legs[-1].goal if legs else goal
 
 
