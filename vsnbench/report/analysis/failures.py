@@ -17,6 +17,7 @@ from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.courses import Course, Examined, course_map, examine
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.text.sanitize import counted
 from vsnbench.values.pose import wrap_angle
 
 MAX_FAILURES = 100
@@ -50,8 +51,8 @@ class FailureKind(StrEnum):
 
 DESCRIPTIONS = {
     FailureKind.COLLISION: "The robot touched something.",
-    FailureKind.STOPPED_EARLY: "The model sampled STOP near the goal, outside the success distance.",
-    FailureKind.STOPPED_FAR: "The model sampled STOP far from the goal.",
+    FailureKind.STOPPED_EARLY: "The model answered STOP near the goal, outside the success distance.",
+    FailureKind.STOPPED_FAR: "The model answered STOP far from the goal.",
     FailureKind.REACHED: "The robot was where STOP would have succeeded, and the model drove on.",
     FailureKind.STUCK: "The robot stayed in one place at the end, and the guard refused its moves.",
     FailureKind.CIRCLING: "The robot turned in circles at the end.",
@@ -196,7 +197,7 @@ def _in_words(row: Any, course: Course | None, approach: Approach | None) -> str
     ended = str(row["end_reason"]).replace("_", " ")
     path = f" over {row['path_m']:.1f} m" if math.isfinite(row["path_m"]) else ""
     start = f" from starting position {row['start']}" if row["start"] else ""
-    parts = [f"{row['goal']}{start}: {row['actions']} actions{path}, ended by {ended}"]
+    parts = [f"{row['goal']}{start}: {counted(int(row['actions']), 'action')}{path}, ended by {ended}"]
     if math.isfinite(row["distance_m"]):
         parts.append(f"{row['distance_m']:.2f} m from the goal")
     if approach is not None and len(approach.remaining_m):
