@@ -18,9 +18,9 @@ from scripts.make_release_data import POLICY
 from tests.cli.test_record_verbs import vsnbench
 from tests.models.remote.servers import look, scripted_server, stub_server
 from vsnbench import __version__, open_results
-from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack, unpack
+from vsnbench.models.synthetic import synthetic_task
 from vsnbench.values.action import Action
 from vsnbench.values.goal import Goal
 

@@ -69,11 +69,22 @@ LATERAL = """  max_lateral_m_s: 0.3
   max_acceleration_rad_s2: 2.0
   dead_time_s: 0.1
 """
+CAMERAS = """
+cameras:
+  left:
+    { width: 320, height: 240, horizontal_fov_deg: 60, mount_height_m: 0.5, mount_left_m: 0.1, yaw_deg: 90,
+      roll_deg: 1, exposure_s: 0.01 }
+"""
+ROOM = "".join(f"v {x} {y} {z}\n" for y in (0, 2.5) for z in (0, -3) for x in (0, 4)) + "".join(
+    f"f {corners}\n" for corners in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+)
+"""A room of 4 x 3 m as a mesh, y up."""
 NEAR = [(3.6, 3.2), (3.6, 3.0), (3.6, 2.8), (3.7, 2.5), (4.0, 2.4), (4.3, 2.4), (3.5, 3.2), (3.5, 2.9)]
 """Starting positions near the chair of the starter's site."""
 GOALS = """
 goals:
   - { id: low-table, kind: text, text: the low table, targets: [table-1] }
+  - { id: both, kind: sequence, goals: [chair, low-table] }
 """
 STUDY = """title: Which is better, random?
 question: Is random better?
@@ -113,7 +124,9 @@ def write_files(directory: Path) -> None:
         "goals.yaml": starter + starts + GOALS,
         "robot.yaml": plain.replace("linear_m_s: 0.3", "linear_m_s: 0.9").replace(
             "tilt_deg:", "roll_deg: 2\n  exposure_s: 0.02\n  tilt_deg:"
-        ),
+        )
+        + CAMERAS,
+        "room.obj": ROOM,
         "legs.yaml": profile.partition("\ninterface:")[0].replace(wheels, LATERAL),
         "invalid-robot.yaml": profile.replace("radius_m: 0.177", "radius_m: 17"),
         "progress.yaml": STUDY,

@@ -46,6 +46,7 @@ sites show goals.yaml
 sites check other/lab.yaml
 sites check flawed.yaml
 sites check invalid-site.yaml
+sites scan room.obj scanned.yaml
 sites export apartment --map map.yaml
 protocol list
 protocol show ros4vsn
@@ -100,6 +101,7 @@ run --model answers:Broken --goal chair --starts 1-4 {SHORT} --results broken
 run --model random,late:Late --goal chair --starts 1 {SHORT} --keep none --results broken
 run --model random --site flat:0,flat:4 --goal bathtub --starts 1 {SHORT} --keep none --results broken
 {GOALS} --model random,forward --goal chair,low-table --starts 1-2 {SHORT}
+{GOALS} --model random --goal both --starts 1 {SHORT}
 {GOALS} --model random --goal chair --starts 1 --protocol protocol.yaml --max-steps 3
 stress --model random --goal chair --starts 1 {SHORT} --disturb latency --severity 1 --results stressed
 {STRESS} --goal chair --starts 4-11 --protocol protocol.yaml {SHORT} --disturb low_light,depth_holes --severity 3

@@ -14,10 +14,10 @@ from websockets.sync.client import connect
 from tests.cli.console import vsnbench
 from tests.models.remote.servers import look
 from vsnbench.errors import ModelError
-from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.remote.checking import check_server
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack, unpack
+from vsnbench.models.synthetic import synthetic_task
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.movement import Waypoint

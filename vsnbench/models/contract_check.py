@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.fit.camera import comparison_text
@@ -17,15 +15,13 @@ from vsnbench.models.fit.decision import fitting_decision
 from vsnbench.models.fit.goal import word_for
 from vsnbench.models.process_exit import take_refused_exit
 from vsnbench.models.step_sizes import assumed_steps
-from vsnbench.models.task import RobotFacts, Task, task_of
-from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.models.synthetic import every_sensor, synthetic_camera, synthetic_observation, synthetic_task
+from vsnbench.models.task import Task
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.text.sanitize import error_line, sanitize
-from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, shown_to_policy
-from vsnbench.values.pose import Pose
+from vsnbench.values.observation import Observation, shown_to_policy
 from vsnbench.values.robot_profile import RobotProfile
 
 STEPS = 20
@@ -107,11 +103,11 @@ def example_tasks(card: ModelCard, profile: RobotProfile | None = None) -> list[
         route = "Turn left, walk past the sofa and stop in front of the table."
         accepted.append(Goal("example-route", GoalKind.INSTRUCTION, text=route))
     if GoalKind.IMAGE in card.goal_kinds:
-        accepted.append(Goal("example-photo", GoalKind.IMAGE, image=_everything(SEED).rgb))
+        accepted.append(Goal("example-photo", GoalKind.IMAGE, image=every_sensor(SEED).rgb))
     if GoalKind.POINT in card.goal_kinds:
         accepted.append(Goal("example-point", GoalKind.POINT, point=(2.0, -0.5)))
     if GoalKind.ROUTE in card.goal_kinds:
-        photographs = [_everything(SEED + number).rgb for number in range(3)]
+        photographs = [every_sensor(SEED + number).rgb for number in range(3)]
         accepted.append(Goal("example-photographs", GoalKind.ROUTE, images=photographs))
     return [synthetic_task(goal, SEED, profile) for goal in accepted or [Goal("chair")]]
 
@@ -126,39 +122,6 @@ def card_summary(policy: Policy) -> str:
     kinds = f"goals of kind {goal_kinds}; answers of kind {answers}"
     parts = (card.name, sensors, known if GoalKind.CATEGORY in card.goal_kinds else "", kinds)
     return "; ".join(filter(None, parts)) + (f"; assumes steps of {steps}" if steps else "")
-
-
-def synthetic_observation(
-    policy: Policy, number: int, width: int = 640, height: int = 480, *, blind: bool = False
-) -> Observation:
-    """Return a synthetic observation as the policy receives it: noise, the same for the same number.
-
-    After the first one it has a history of two observations for a policy whose card asks for that.
-    """
-    left = Budget(ProtocolParameters().max_actions - number)
-    newest = _everything(number, width, height, blind=blind)
-    earlier = [replace(newest, stamp_s=number - ago) for ago in (0.5, 0.25)] if number else []
-    given = replace(newest, history=newest_of(earlier, newest, policy.card.history))
-    return shown_to_policy(given, policy.card.sensors, left)
-
-
-def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) -> Task:
-    """Return a task under the paper's protocol, on a robot with the synthetic camera.
-
-    Args:
-        goal: the goal.
-        seed: the seed.
-        profile: robot of the task; None for a robot of common size.
-    """
-    paper = ProtocolParameters()
-    robot = RobotFacts("synthetic", 0.18, 0.6, 0.5, 1.5, _camera(640, 480))
-    if profile is not None:
-        robot = replace(task_of(goal, seed, paper, profile).robot, camera=robot.camera)
-    return Task(goal, seed, paper, robot)
-
-
-def _camera(width: int, height: int) -> Camera:
-    return Camera(width=width, height=height, horizontal_fov_deg=60, mount_height_m=0.6)
 
 
 def goals(policy: Policy, tasks: Sequence[Task]) -> str:
@@ -236,7 +199,7 @@ def sizes(policy: Policy, task: Task) -> str:
     """
     for width, height in SIZES:
         try:
-            policy.begin(replace(task, robot=replace(task.robot, camera=_camera(width, height))))
+            policy.begin(replace(task, robot=replace(task.robot, camera=synthetic_camera(width, height))))
             answer(policy, task, synthetic_observation(policy, 1, width, height))
         except ModelLostError:
             raise
@@ -270,7 +233,7 @@ def _reads_its_sensors(policy: Policy, task: Task, steps: int) -> str:
         policy.begin(task)
         try:
             for number in range(steps):
-                policy.act(shown_to_policy(_everything(number), policy.card.sensors - {sensor}))
+                policy.act(shown_to_policy(every_sensor(number), policy.card.sensors - {sensor}))
         except SensorNotDeclaredError:
             continue
         except Exception as error:  # the policy can wrap the error of the missing sensor
@@ -342,16 +305,3 @@ def line_and_place(error: BaseException) -> str:
     if not own or isinstance(error, VsnbenchError):
         return _line(error)
     return f"{_line(error)} ({sanitize(Path(own[-1].filename).name)}, line {own[-1].lineno})"
-
-
-def _everything(number: int, width: int = 640, height: int = 480, *, blind: bool = False) -> Observation:
-    rng = np.random.default_rng(number)
-    rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
-    depth_m = rng.uniform(0.4, 8.0, (height, width)).astype(np.float32)
-    depth_m[:, : width // 8] = np.nan
-    if blind:
-        rgb[:], depth_m[:] = 0, np.nan
-    camera = _camera(width, height)
-    labels = InstanceImage((rng.integers(0, 3, (height, width))).astype(np.int32), {1: "chair", 2: "bed"})
-    pose = Pose(0.25 * number, 0.0, 0.1 * number)
-    return Observation(rgb, depth_m, pose, float(number), camera, instances=labels)

@@ -280,8 +280,9 @@ class RobotProfile(BaseModel):
         return {} if self.tolerances is None else {"tolerances": self.tolerances.model_dump(mode="json")}
 
     def content(self) -> dict[str, Any]:
-        """Return the profile as plain values, including defaults."""
-        return self.model_dump(mode="json")
+        """Return the profile as plain values, including defaults; `cameras` only where there are any."""
+        content = self.model_dump(mode="json")
+        return content if self.cameras else {name: value for name, value in content.items() if name != "cameras"}
 
     @cached_property
     def sha256(self) -> str:
@@ -292,9 +293,8 @@ class RobotProfile(BaseModel):
         """
         content = self.content()
         content.pop("dynamics")
-        for name in ("tolerances", "cameras"):
-            if not getattr(self, name):
-                content.pop(name)
+        if self.tolerances is None:
+            content.pop("tolerances")
         if self.interface is not None and self.interface.kind == "ros2":
             # The address of one robot, not a property of its kind.
             content["interface"].pop("namespace", None)

@@ -19,13 +19,13 @@ import torch
 from tests.models.remote.servers import PATIENCE_S, ROOT, free_port, look, stub_server
 from tests.processes import wait_until
 from vsnbench.errors import ModelError, ModelLostError
-from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.pirlnav.policy import PIRLNav
 from vsnbench.models.remote.checking import check_server
 from vsnbench.models.remote.peer import ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.serving import ServedBatchPolicy, ServedPolicy, served
 from vsnbench.models.remote.vsnbench_policy import serve
+from vsnbench.models.synthetic import synthetic_task
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 

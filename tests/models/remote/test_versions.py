@@ -11,13 +11,13 @@ from websockets.sync.client import ClientConnection, connect
 
 from tests.models.remote.servers import look, stub_server
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.remote import vsnbench_policy as wire
 from vsnbench.models.remote.isolation import IsolatedPolicy, Isolation
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.reset_message import PROTOCOL_FIELDS, reset_message
 from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
+from vsnbench.models.synthetic import synthetic_task
 from vsnbench.models.task import Task
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind

@@ -8,9 +8,9 @@ from typing import Any
 from websockets.sync.server import ServerConnection
 
 from tests.models.remote.servers import look, scripted_server
-from vsnbench.models.contract_check import synthetic_task
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
+from vsnbench.models.synthetic import synthetic_task
 from vsnbench.values.action import Action
 from vsnbench.values.observation import observation_of
 

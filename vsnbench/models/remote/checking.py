@@ -20,12 +20,12 @@ from vsnbench.models.contract_check import (
     repeats,
     reset_twice,
     sizes,
-    synthetic_observation,
     try_each,
     unknown_goal,
 )
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.step_sizes import wrong_assumptions
+from vsnbench.models.synthetic import synthetic_observation
 from vsnbench.models.task import Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.values.robot_profile import RobotProfile

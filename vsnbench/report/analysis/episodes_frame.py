@@ -36,16 +36,12 @@ Integers = NDArray[np.integer[Any]]
 Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_] | Integers | slice
 
+_SESSION = type_coerce(func.coalesce(EpisodeRow.session_id, 0), NullType())
 _OF_RECORD = Fields(
     (
         *TABLE,
         Field("process", int, "number of the process that ran it", (EpisodeRow.process_id,)),
-        Field(
-            "session",
-            int,
-            "number of the operator session; 0 without an operator",
-            (type_coerce(func.coalesce(EpisodeRow.session_id, 0), NullType()),),
-        ),
+        Field("session", int, "number of the operator session; 0 without an operator", (_SESSION,)),
         Field("trial", int, "number of the trial", (TrialRow.id,)),
     )
 )

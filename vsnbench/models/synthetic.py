@@ -1,0 +1,61 @@
+"""Synthetic tasks and observations, with which a policy is tried without a robot."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vsnbench.models.contract import Policy
+from vsnbench.models.task import RobotFacts, Task, task_of
+from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.values.camera import Camera
+from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, shown_to_policy
+from vsnbench.values.pose import Pose
+from vsnbench.values.robot_profile import RobotProfile
+
+
+def synthetic_observation(
+    policy: Policy, number: int, width: int = 640, height: int = 480, *, blind: bool = False
+) -> Observation:
+    """Return a synthetic observation as the policy receives it: noise, the same for the same number.
+
+    After the first one it has a history of two observations for a policy whose card asks for that.
+    """
+    left = Budget(ProtocolParameters().max_actions - number)
+    newest = every_sensor(number, width, height, blind=blind)
+    earlier = [replace(newest, stamp_s=number - ago) for ago in (0.5, 0.25)] if number else []
+    given = replace(newest, history=newest_of(earlier, newest, policy.card.history))
+    return shown_to_policy(given, policy.card.sensors, left)
+
+
+def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) -> Task:
+    """Return a task under the paper's protocol, on a robot with the synthetic camera.
+
+    Args:
+        goal: the goal.
+        seed: the seed.
+        profile: robot of the task; None for a robot of common size.
+    """
+    paper = ProtocolParameters()
+    robot = RobotFacts("synthetic", 0.18, 0.6, 0.5, 1.5, synthetic_camera(640, 480))
+    if profile is not None:
+        robot = replace(task_of(goal, seed, paper, profile).robot, camera=robot.camera)
+    return Task(goal, seed, paper, robot)
+
+
+def synthetic_camera(width: int, height: int) -> Camera:
+    """Return the camera of the synthetic robot with another image size."""
+    return Camera(width=width, height=height, horizontal_fov_deg=60, mount_height_m=0.6)
+
+
+def every_sensor(number: int, width: int = 640, height: int = 480, *, blind: bool = False) -> Observation:
+    """Return noise for every sensor, the same for the same number; `blind` has black colours and no depth."""
+    rng = np.random.default_rng(number)
+    rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
+    depth_m = rng.uniform(0.4, 8.0, (height, width)).astype(np.float32)
+    depth_m[:, : width // 8] = np.nan
+    if blind:
+        rgb[:], depth_m[:] = 0, np.nan
+    camera = synthetic_camera(width, height)
+    labels = InstanceImage((rng.integers(0, 3, (height, width))).astype(np.int32), {1: "chair", 2: "bed"})
+    pose = Pose(0.25 * number, 0.0, 0.1 * number)
+    return Observation(rgb, depth_m, pose, float(number), camera, instances=labels)
