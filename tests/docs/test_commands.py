@@ -157,8 +157,7 @@ def test_the_commands_of_readme_succeed_in_order_with_the_policy_that_it_shows(
     machine: dict[str, str], tmp_path: Path
 ) -> None:
     (block,) = re.findall(r"\n(    from vsnbench import.*?)\n\n    vsnbench", README, re.DOTALL)
-    (tmp_path / "mylab").mkdir()
-    (tmp_path / "mylab" / "spinner.py").write_text(re.sub(r"^ {4}", "", block, flags=re.MULTILINE) + "\n")
+    (tmp_path / "spinner.py").write_text(re.sub(r"^ {4}", "", block, flags=re.MULTILINE) + "\n")
     shell = Shell(tmp_path, machine)
     for command in OF_README:
         if "--web" in command:

@@ -25,6 +25,7 @@ MODELS = (
     "frontier:Frontier",
     "image_goal:HistogramMatcher",
     "instruction:KeywordFollower",
+    "sequence:Rememberer",
     "spinner:Spinner",
     "velocity:Reactive",
     "widest_opening:WidestOpening",
@@ -120,9 +121,7 @@ def test_the_guide_shows_the_spinner_as_it_is() -> None:
 
 def test_the_policy_of_the_readme_acts() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    found = re.search(
-        r"\n((?:    from vsnbench import [^\n]*\n)\n(?:    [^\n]*\n|\n)+?)\n    vsnbench run --model mylab", text
-    )
+    found = re.search(r"\n((?:    from vsnbench import [^\n]*\n)\n(?:    [^\n]*\n|\n)+?)\n    vsnbench try", text)
     assert found is not None
     names: dict[str, Any] = {}
     exec(re.sub(r"^    ", "", found.group(1), flags=re.MULTILINE), names)

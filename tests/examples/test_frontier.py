@@ -75,6 +75,9 @@ def test_the_site_of_the_examples_is_the_apartment_with_goals_of_every_kind() ->
         GoalKind.TEXT: 3,
         GoalKind.IMAGE: 3,
         GoalKind.INSTRUCTION: 3,
+        GoalKind.POINT: 1,
+        GoalKind.ROUTE: 1,
+        GoalKind.SEQUENCE: 6,
     }
     told = [start for goal in site.goals if goal.kind is GoalKind.INSTRUCTION for start in goal.starts]
     assert sorted(told) == [start.number for start in site.starts]

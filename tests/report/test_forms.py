@@ -242,7 +242,7 @@ def test_a_narrow_terminal_keeps_the_rates_whole(tmp_path: Path, width: int) -> 
     lab.write([Attempt(start=start, success=start < 9) for start in range(1, 16)])
     out = io.StringIO()
     print_tables(build(lab.url, Selection(), activity=False).tables(), Console(file=out, width=width))
-    for words in ("8/15", "53.33", "[30.12, 75.19]", "15/15"):
+    for words in ("8/15", "53.33", "[30.12, 75.19]", *(["15/15"] if width >= 80 else [])):
         assert words in out.getvalue()
     assert max(map(len, out.getvalue().splitlines())) <= width
     table = build(lab.url, Selection(), activity=False).tables()[0]
@@ -274,7 +274,7 @@ def test_models_with_a_single_goal_have_one_column_of_rates(tmp_path: Path) -> N
 
 def test_columns_without_a_rank_stay(hostile: Report) -> None:
     table = fitted(hostile.tables()[0], lambda part: False)
-    assert [column.heading for column in table.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions", "done"]
+    assert [column.heading for column in table.columns] == ["goal", "k/n", "SR %", "95 % interval", "actions"]
 
 
 def test_json_holds_the_twin_and_three_models_at_once(tmp_path: Path) -> None:

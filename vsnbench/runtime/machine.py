@@ -18,6 +18,7 @@ EXTRAS: Mapping[str, str] = {
     "neural": "the model vlv, Mask R-CNN, pirlnav on a GPU",
     "viewer": "vsnbench view, run --live",
     "postgresql": "--db postgresql+psycopg://...",
+    "scan": "vsnbench sites scan",
     "bags": "vsnbench export bag, export mcap",
     "video": "vsnbench export video",
     "lerobot": "vsnbench export lerobot",

@@ -52,12 +52,15 @@ def run(
     return lambda *words: vsnbench(monkeypatch, capsys, *words)
 
 
+EVERY_KIND = ["category", "image", "instruction", "point", "route", "sequence", "text"]
+
+
 @pytest.mark.parametrize(
     ("model", "shown"),
     [
         ("fixed_steps:Fixed", (["category", "text"], ["discrete", "waypoint"], 0.25, 30)),
         ("fixed_steps:Late", (None, None, None, None)),
-        ("oracle-waypoints", (["category", "image", "instruction", "text"], ["discrete", "waypoint"], None, None)),
+        ("oracle-waypoints", (EVERY_KIND, ["discrete", "waypoint"], None, None)),
         ("pirlnav", (["category"], ["discrete"], 0.25, 30.0)),
     ],
 )

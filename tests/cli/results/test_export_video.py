@@ -9,8 +9,10 @@ import numpy.typing as npt
 import pytest
 
 from tests.cli.test_record_verbs import vsnbench
+from vsnbench import palette
+from vsnbench.palette import rgb
 
-SUCCESS, FAILURE = (22, 120, 58), (190, 40, 36)
+SUCCESS, FAILURE = rgb(palette.SUCCESS), rgb(palette.FAILURE)
 
 
 @pytest.fixture(scope="module")

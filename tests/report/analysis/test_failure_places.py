@@ -87,4 +87,4 @@ def test_the_page_shows_the_places_on_a_map_and_links_their_episodes(lab: Lab) -
     page = html_page(report, tables, drawn)
     assert '<a href="#episode-1">1</a>, <a href="#episode-2">2</a>' in page
     assert 'id="episode-2"' in page
-    assert '<a href="all.html#/episode/2">2</a>' in html_page(report, tables, drawn, episodes_page="all.html")
+    assert '<a href="all.html#/episode/2">2</a>' in html_page(report, tables, drawn, gallery="all.html#/")

@@ -130,7 +130,7 @@ def glb_with(path: Path, **changes: object) -> None:
         (
             {"nodes": [{"mesh": 0, "children": list(range(1, 90_000))}, *[{"mesh": 0}] * 89_999]},
             "scan-too-large",
-            "decimate",
+            "join its parts",
         ),
         ({"meshes": "none"}, "invalid-scan", "meshes"),
         ({"bufferViews__0__byteStride": 10**9}, "invalid-scan", "export it again"),

@@ -9,6 +9,7 @@ from vsnbench.files.bounded_json import parse_json
 _MOST_JSON_BYTES = 32_000_000
 _MOST_ENTRIES = 100_000
 _MOST_ITEMS = 40_000_000
+_MOST_NODES = 10_000
 _COMPRESSED: Final = {
     "KHR_draco_mesh_compression": "Draco compression",
     "EXT_meshopt_compression": "meshopt compression",
@@ -111,6 +112,12 @@ def _triangles(primitive: dict[str, Any], counts: list[int]) -> int:
 
 def _with_repetitions(nodes: list[dict[str, Any]], triangles: list[int]) -> int:
     """Return the triangles of all nodes; a node that is below two others would be drawn without end."""
+    if len(nodes) > _MOST_NODES:
+        raise SiteError(
+            f"the scan has {len(nodes):,} parts; the limit is {_MOST_NODES:,}",
+            advice="join its parts into one mesh, and export it again",
+            code="scan-too-large",
+        )
     parents = [0] * len(nodes)
     total = 0
     for node in nodes:

@@ -267,6 +267,8 @@ def _pixels(images: list[Any]) -> list[Bytes]:
 
     if len(images) > MOST_TEXTURES:
         raise ValueError(f"it has more than {MOST_TEXTURES} textures")
+    if not all(isinstance(getattr(image, "size", None), tuple) for image in images):
+        raise ValueError("a texture is not an image")
     sizes = [image.size for image in images]
     if any(image.format not in (*_FORMATS, None) for image in images):
         raise ValueError("a texture is neither PNG, JPEG nor WebP")
