@@ -17,9 +17,12 @@ from tests.models.remote.servers import stub_server
 from tests.runner.episode.test_continuous import LANE, TURTLEBOT, Record
 from vsnbench.errors import RobotError
 from vsnbench.models.contract import ModelCard, Policy
+from vsnbench.models.contract_check import check_policy
 from vsnbench.models.remote import vsnbench_policy
 from vsnbench.models.remote.policy import RemotePolicy
+from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.models.remote.vsnbench_policy import WireError
+from vsnbench.models.synthetic import synthetic_observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.robots.profiles import profile_path
@@ -185,6 +188,18 @@ def test_the_cameras_arrive_over_the_wire(tmp_path: Path) -> None:
         if role is not CameraRole.RIGHT
     }
     assert json.loads(json.dumps(step.decision.diagnostics.details["seen"])) == expected
+
+
+def test_a_policy_of_vsnbench_gets_its_cameras_from_its_own_server_and_in_a_check() -> None:
+    policy = LooksLeft()
+    served = ServedPolicy(policy, "looks-left", {})
+    sent = observation_to_message(synthetic_observation(policy, 0))
+    policy.reset("chair", 0)
+    served.act(vsnbench_policy.observation_of(sent))
+    assert sorted(policy.seen[-1].cameras) == [CameraRole.LEFT, CameraRole.REAR]
+    assert policy.seen[-1].cameras[CameraRole.LEFT].rgb.std() > 1
+    wrong = [finding for finding in check_policy(policy, steps=3) if not finding.passed]
+    assert not wrong or all("camera" not in finding.seen for finding in wrong)
 
 
 @pytest.mark.parametrize("cameras", [[], {"up": {}}, {"left": 1}])

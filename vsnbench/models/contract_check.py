@@ -21,7 +21,7 @@ from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.text.sanitize import error_line, sanitize
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.observation import Observation, shown_to_policy
+from vsnbench.values.observation import Observation
 from vsnbench.values.robot_profile import RobotProfile
 
 STEPS = 20
@@ -233,7 +233,8 @@ def _reads_its_sensors(policy: Policy, task: Task, steps: int) -> str:
         policy.begin(task)
         try:
             for number in range(steps):
-                policy.act(shown_to_policy(every_sensor(number), policy.card.sensors - {sensor}))
+                card = replace(policy.card, sensors=policy.card.sensors - {sensor})
+                policy.act(card.shown(every_sensor(number, roles=card.cameras)))
         except SensorNotDeclaredError:
             continue
         except Exception as error:  # the policy can wrap the error of the missing sensor

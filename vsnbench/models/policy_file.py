@@ -94,7 +94,7 @@ def _imported(name: str, given: str) -> ModuleType:
     """Import a module; running its code may raise anything, or try to end the process.
 
     Raises:
-        UsageError: there is no such module.
+        UsageError: the module does not exist.
         ModelError: the import failed.
     """
     try:

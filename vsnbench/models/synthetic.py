@@ -1,5 +1,6 @@
 """Synthetic tasks and observations, with which a policy is tried without a robot."""
 
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,8 @@ import numpy as np
 from vsnbench.models.contract import Policy
 from vsnbench.models.task import RobotFacts, Task, task_of
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.camera import Camera
-from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, shown_to_policy
+from vsnbench.values.camera import Camera, CameraRole
+from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -21,10 +22,10 @@ def synthetic_observation(
     After the first one it has a history of two observations for a policy whose card asks for that.
     """
     left = Budget(ProtocolParameters().max_actions - number)
-    newest = every_sensor(number, width, height, blind=blind)
+    newest = every_sensor(number, width, height, blind=blind, roles=policy.card.cameras)
     earlier = [replace(newest, stamp_s=number - ago) for ago in (0.5, 0.25)] if number else []
     given = replace(newest, history=newest_of(earlier, newest, policy.card.history))
-    return shown_to_policy(given, policy.card.sensors, left)
+    return policy.card.shown(given, left)
 
 
 def synthetic_task(goal: str, seed: int, profile: RobotProfile | None = None) -> Task:
@@ -47,8 +48,18 @@ def synthetic_camera(width: int, height: int) -> Camera:
     return Camera(width=width, height=height, horizontal_fov_deg=60, mount_height_m=0.6)
 
 
-def every_sensor(number: int, width: int = 640, height: int = 480, *, blind: bool = False) -> Observation:
-    """Return noise for every sensor, the same for the same number; `blind` has black colours and no depth."""
+def every_sensor(
+    number: int,
+    width: int = 640,
+    height: int = 480,
+    *,
+    blind: bool = False,
+    roles: AbstractSet[CameraRole] = frozenset(),
+) -> Observation:
+    """Return noise for every sensor, the same for the same number; `blind` has black colours and no depth.
+
+    Each of `roles` is a further camera with noise of its own.
+    """
     rng = np.random.default_rng(number)
     rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
     depth_m = rng.uniform(0.4, 8.0, (height, width)).astype(np.float32)
@@ -58,4 +69,9 @@ def every_sensor(number: int, width: int = 640, height: int = 480, *, blind: boo
     camera = synthetic_camera(width, height)
     labels = InstanceImage((rng.integers(0, 3, (height, width))).astype(np.int32), {1: "chair", 2: "bed"})
     pose = Pose(0.25 * number, 0.0, 0.1 * number)
-    return Observation(rgb, depth_m, pose, float(number), camera, instances=labels)
+    further: dict[CameraRole, Observation] = {
+        role: with_changes(every_sensor(number + shift, width, height, blind=blind), pose=pose, stamp_s=float(number))
+        for shift, role in enumerate(CameraRole)
+        if role in roles and role is not CameraRole.FRONT
+    }
+    return Observation(rgb, depth_m, pose, float(number), camera, instances=labels, cameras=further)

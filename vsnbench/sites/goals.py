@@ -148,7 +148,7 @@ def _as_target(value: Any) -> Any:
 def _as_leg(value: Any) -> Any:
     if isinstance(value, dict | SiteGoal) or (isinstance(value, str) and _SLUG.fullmatch(value)):
         return value
-    raise ValueError(f"{value!r} is no id of a goal and no category")
+    raise ValueError(f"{value!r} is neither the id of a goal nor a category")
 
 
 _SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
@@ -327,4 +327,4 @@ def _problem_of_leg(leg: str | SiteGoal, categories: Collection[str], ids: Itera
     if canonical_category(leg) in categories:
         return ""
     near = closest(leg, [*ids, *categories])
-    return f"{leg!r} is no goal or category of the site" + (f": did you mean {near!r}?" if near else "")
+    return f"{leg!r} is neither a goal nor a category of the site" + (f": did you mean {near!r}?" if near else "")

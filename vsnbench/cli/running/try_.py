@@ -77,7 +77,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
 
     The check is that of `vsnbench models check`, the trials are those of `vsnbench run`; for a slow model both are
     shorter. Without --results, the results are temporary: the next `vsnbench try` removes them.
-    Exit code 1 if a check fails or a trial is void; a goal that is not found is no failure of the command.
+    The exit code is 1 if a check fails or a trial is void, and 0 if the model merely misses its goal.
 
     [bold]Examples[/bold]
 

@@ -89,7 +89,7 @@ class Controls:
         self.refused = False
         """Whether the guard has refused the last action; shown with the next picture."""
         self.is_served = False
-        """Whether a page serves the controls, without which nobody can drive."""
+        """Whether the driver's page is open for connections; a person needs it to drive."""
         self.view = View()
         self.picture_jpeg = b""
         """The newest picture of the robot's camera."""
@@ -173,7 +173,7 @@ class Controls:
         """
         if not self.is_served:
             raise ModelError(
-                "nobody can drive: only `vsnbench run` serves the driver's page",
+                "a person cannot drive here: only `vsnbench run` serves the driver's page",
                 advice=f"vsnbench run --model human:{self.driver} --goal chair",
                 code="no-driver-page",
             )

@@ -22,7 +22,8 @@ from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.encoding.codec import decision_to_message
 from vsnbench.values.goal import Goal, GoalKind
-from vsnbench.values.observation import Budget, Observation, Sensor, observation_of, shown_to_policy
+from vsnbench.values.model.card import copy_of
+from vsnbench.values.observation import Budget, Observation, Sensor, observation_of
 from vsnbench.values.pose import Pose
 
 
@@ -49,7 +50,7 @@ class ServedPolicy:
                 code="cannot-be-served",
             )
         self._policy = policy
-        self._sensors = frozenset(card.sensors)
+        self._shown = copy_of(card).shown
         self.card = card_to_wire(card) | {
             "code": code_of(policy),
             "files": files_handed_over(name, policy, options),
@@ -76,7 +77,7 @@ class ServedPolicy:
     def act(self, given: wire.Observation) -> dict[str, Any]:
         """Return the decision as a message."""
         with _exits_as_errors():
-            decision = checked_decision(self._policy.act(shown_to_policy(_observation(given), self._sensors)))
+            decision = checked_decision(self._policy.act(self._shown(_observation(given))))
         return decision_to_message(decision)
 
 
@@ -93,7 +94,7 @@ class ServedBatchPolicy(ServedPolicy):
 
     def act_batch(self, given: Sequence[wire.Observation], states: Sequence[Any]) -> "list[dict[str, Any] | Exception]":
         """Return the decisions as messages, and an error in place of an invalid one."""
-        seen = [shown_to_policy(_observation(observation), self._sensors) for observation in given]
+        seen = [self._shown(_observation(observation)) for observation in given]
         decisions: Sequence[Any] = ()
         with _exits_as_errors():
             decisions = self._policy.act_batch(seen, states)

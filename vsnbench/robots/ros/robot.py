@@ -90,7 +90,7 @@ class RosRobot(Robot):
         self._simulation: SimulationAccount | None = None
         try:
             patience, execution = Patience(patience_s), parameters.execution
-            self._link.others_drive = execution is not None and execution.is_by_stack  # a running stack is no fault
+            self._link.others_drive = execution is not None and execution.is_by_stack  # its publisher is expected
             wait_until_ready(self._link, patience)
             if self._link.can_be_placed:
                 self._link.join_simulation()

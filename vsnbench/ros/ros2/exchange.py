@@ -169,7 +169,7 @@ def _answer(future: Any, timeout_s: float, otherwise: str) -> Any:
 
 
 def _cancel_late(sent: Any) -> None:
-    """Cancel a goal that was accepted too late: the trial is over, and nobody would stop the stack."""
+    """Cancel a goal that was accepted too late: the trial is over, so nothing else would stop the stack."""
     handle = sent.result()
     if handle is not None and handle.accepted:
         handle.cancel_goal_async()

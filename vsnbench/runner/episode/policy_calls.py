@@ -32,7 +32,7 @@ from vsnbench.values.decision import Decision
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.movement import Movement
-from vsnbench.values.observation import Budget, Observation, newest_of, shown_to_policy, with_changes
+from vsnbench.values.observation import Budget, Observation, newest_of, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
@@ -128,7 +128,7 @@ class PolicyCalls:
         """
         if self._policy.asks_operator and self._says_arrived():
             return Decision(Action.STOP, StopSource.OPERATOR)
-        visible = shown_to_policy(observation, self._card.sensors, budget, self._card.cameras)
+        visible = self._card.shown(observation, budget)
         if earlier := [seen for seen in self._history if seen.stamp_s < observation.stamp_s]:
             visible = with_changes(visible, history=newest_of(earlier, visible, self._card.history))
         self._history, self._answered_s = (), observation.stamp_s
@@ -147,7 +147,7 @@ class PolicyCalls:
             SensorLostError: the observation lacks a sensor of the card.
         """
         if self.takes_history and observation.stamp_s > self._answered_s:
-            seen = shown_to_policy(observation, self._card.sensors, roles=self._card.cameras)
+            seen = self._card.shown(observation)
             self._history = (*newest_of(self._history, seen, self._card.history - 1), seen)
 
     def end(self) -> None:

@@ -14,7 +14,7 @@ from vsnbench.values.action import Action, ActionKind, can_replace
 from vsnbench.values.camera import CameraRole
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.observation import MAX_HISTORY, Sensor
+from vsnbench.values.observation import MAX_HISTORY, Budget, Observation, Sensor, shown_to_policy
 
 
 def _named(name: str) -> str:
@@ -144,6 +144,14 @@ class ModelCard:
         if self.cameras:
             settings["cameras"] = sorted(self.cameras)
         return replace(self, settings=settings, files=files, code=code)
+
+    def shown(self, observation: Observation, budget: Budget | None = None) -> Observation:
+        """Return an observation as the model receives it: private copies of the sensors and cameras on the card.
+
+        Raises:
+            SensorLostError: a sensor or a camera has no measurement.
+        """
+        return shown_to_policy(observation, self.sensors, budget, self.cameras)
 
     def difference(self, other: Self) -> str:
         """Return how another card differs in what identifies the model, or an empty string."""

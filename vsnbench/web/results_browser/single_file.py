@@ -30,6 +30,8 @@ MAX_EPISODES: Final = 100
 """Maximum number of episodes in a single file."""
 MAX_BYTES: Final = 25_000_000
 """Maximum size of a single file, which mail servers accept; pictures are left out until it fits."""
+_FEWEST = 1000
+"""Largest n of keeping every nth picture, which leaves the first and the last one of an episode."""
 _MARK = '<meta name="generator" content="vsnbench single file">'
 _WITHIN: Final[Picture] = (".webp", 320, 60)
 _Item = TypeVar("_Item")
@@ -120,13 +122,11 @@ def _single_page(data: dict[str, bytes], every: int) -> str:
 
 def _every(episodes: Iterable[dict[str, bytes]], most: int) -> int:
     """Return the smallest n for which every nth picture of each episode fits into a number of bytes as base64."""
-    every, sizes = 1, [[(name, len(picture) * 4 // 3 + 60) for name, picture in each.items()] for each in episodes]
-    while every < 1000:
-        kept = (_kept(each, every) for each in sizes)
-        if sum(size for each in kept for _, size in each) <= most:
-            break
-        every += 1
-    return every
+    embedded = [[(name, len(picture) * 4 // 3 + 60) for name, picture in episode.items()] for episode in episodes]
+    for every in range(1, _FEWEST):
+        if sum(size for episode in embedded for _, size in _kept(episode, every)) <= most:
+            return every
+    return _FEWEST
 
 
 def _kept(items: list[_Item], every: int) -> list[_Item]:

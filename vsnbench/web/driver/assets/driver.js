@@ -166,5 +166,5 @@ function pollGamepads() {
 addEventListener("gamepadconnected", () => requestAnimationFrame(pollGamepads));
 // The first answer has the token that every action needs.
 get("/state")
-  .catch((error) => { if (error.status === 403) showMessage("This address is no longer valid: open the one shown at the terminal."); })
+  .catch((error) => { if (error.status === 403) showMessage("This address has expired. Open the one shown in the terminal."); })
   .finally(() => { connection = new Connection(receive, showStatus, () => {}); });
