@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgpack
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -193,7 +194,7 @@ def test_the_cameras_arrive_over_the_wire(tmp_path: Path) -> None:
 def test_a_policy_of_vsnbench_gets_its_cameras_from_its_own_server_and_in_a_check() -> None:
     policy = LooksLeft()
     served = ServedPolicy(policy, "looks-left", {})
-    sent = observation_to_message(synthetic_observation(policy, 0))
+    sent = msgpack.unpackb(msgpack.packb(observation_to_message(synthetic_observation(policy, 0))))
     policy.reset("chair", 0)
     served.act(vsnbench_policy.observation_of(sent))
     assert sorted(policy.seen[-1].cameras) == [CameraRole.LEFT, CameraRole.REAR]
