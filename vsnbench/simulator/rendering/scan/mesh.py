@@ -136,6 +136,7 @@ def parse_scan(data: bytes, origin: str) -> ScanMesh:
         if problem := mesh.problem():
             raise ValueError(problem)
     except (ValueError, KeyError, OSError, RuntimeError, NotImplementedError, zipfile.BadZipFile) as problem:
+        # zipfile raises most of these for damaged archives: NotImplementedError for an unknown compression.
         reason = (str(problem).splitlines() or [type(problem).__name__])[0]
         raise SiteError(
             f"{origin} is not the file of a scan: {reason}",

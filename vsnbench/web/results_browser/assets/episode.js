@@ -21,11 +21,12 @@ class Player {
     this.scores = make("div", { class: "scores" });
     this.banner = make("p", { class: "banner" });
     const { row } = episode;
+    this.chip = outcomeChip(row);
     this.element = make("article", { class: "player", "aria-label": `episode ${row.id}` },
       make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), " ", swatch(color), `${row.condition} `,
         make("span", { class: "dim small" }, `${row.goal} from start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`)),
       make("div", { class: "stage" }, make("figure", {}, this.image, this.none, this.other), this.plan.holder,
-        make("div", { class: "side" }, outcomeChip(row), this.result(), this.banner, this.action, this.scores)));
+        make("div", { class: "side" }, this.chip, this.result(), this.banner, this.action, this.scores)));
     this.image.addEventListener("error", () => { this.image.hidden = true; this.none.hidden = false; });
   }
 
@@ -56,6 +57,7 @@ class Player {
     const seen = steps[moment.seen] ?? null;
     this.banner.className = `banner ${moment.isEnd ? row.outcome : this.inTime && this.timeline.waitsAt(at) ? "waits" : "driving"}`;
     this.banner.textContent = moment.isEnd ? this.verdict() : this.inTime ? this.stateInTime(moment, at) : this.stateAtStep(step);
+    this.chip.hidden = moment.isEnd && row.outcome === "success"; // the banner says it; a failure's chip has its cause
     this.showImage(moment, place);
     if (!step) { this.action.replaceChildren(); this.scores.replaceChildren(); return; }
     const notes = [step.stale && "not driven: the robot keeps the path before it", step.blocked && "blocked by the depth guard", step.refusal, step.touched && `collision: ${step.touched}`, step.failure]
