@@ -13,6 +13,7 @@ from vsnbench.models import names, registry
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.goal import GoalKind
 
 
 class Statue(Policy):
@@ -47,6 +48,14 @@ class Surveyor(Statue):
     def survey(self, *given: object) -> None: ...
 
 
+class Forgetful(Statue):
+    """Says that it keeps its memory in a sequence, without `next_goal`."""
+
+    card = ModelCard("forgetful", goal_kinds=frozenset({GoalKind.CATEGORY, GoalKind.SEQUENCE}))
+
+    def __init__(self) -> None: ...
+
+
 class OddlyCarded(Statue):
     def __init__(self) -> None:
         self.card = ModelCard("odd", sensors={"rgb"})  # type: ignore[arg-type]
@@ -67,7 +76,7 @@ class Duck:
 @pytest.fixture
 def plug_in_module(monkeypatch: pytest.MonkeyPatch) -> str:
     module = types.ModuleType("statues")
-    for kind in (Statue, Mute, Cardless, Surveyor, OddlyCarded, Duck):
+    for kind in (Statue, Mute, Cardless, Surveyor, Forgetful, OddlyCarded, Duck):
         setattr(module, kind.__name__, kind)
     module.NUMBER = 3
     monkeypatch.setitem(sys.modules, "statues", module)
@@ -131,6 +140,7 @@ def test_an_option_the_model_lacks_is_a_usage_error_that_names_the_options(plug_
         ("statues:Cardless", {}, "not-a-policy"),
         ("statues:Duck", {}, "not-a-policy"),
         ("statues:Surveyor", {}, "survey-not-declared"),
+        ("statues:Forgetful", {}, "next-goal-missing"),
         ("statues:OddlyCarded", {}, "invalid-card"),
         ("statues:Statue", {"patience": -1}, "model-not-created"),
     ],

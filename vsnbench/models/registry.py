@@ -15,6 +15,7 @@ from vsnbench.plugins import import_factory, unknown_name
 from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.settings.validation import first_error
 from vsnbench.text.sanitize import error_line
+from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import copy_of
 from vsnbench.values.model.person import HUMAN
 
@@ -92,6 +93,12 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
         copy_of(policy.card)
     except ValidationError as error:
         raise _invalid_card(name, where, error) or error from error
+    if GoalKind.SEQUENCE in policy.card.goal_kinds and type(policy).next_goal is Policy.next_goal:
+        raise ModelError(
+            f"model {name}: its card says that it keeps its memory in a sequence, but it has no `next_goal`",
+            advice="write `next_goal(goal)`, or leave `sequence` out of goal_kinds: then it begins again at each goal",
+            code="next-goal-missing",
+        )
     return policy
 
 
