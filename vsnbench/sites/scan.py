@@ -1,12 +1,15 @@
 """The scan that a site file names: a file of triangles and textures, known by its hash."""
 
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from vsnbench.settings.yaml_file import DIRECTORY
 from vsnbench.sites.fields import StrictModel
+
+SCAN_SUFFIX: Final = ".scan.npz"
+"""End of the name of a scan's file, next to its site file."""
 
 
 class SiteScan(StrictModel):

@@ -303,7 +303,16 @@ class Site(StrictModel):
     @cached_property
     def sha256(self) -> str:
         """Hash of the content, independent of comments and formatting of the file."""
-        return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
+        return _hash_of(self.content())
+
+
+def survey_sha256(content: dict[str, Any]) -> str:
+    """Return the hash of a site's content without its scan: that of the same site with a drawn twin."""
+    return _hash_of({name: value for name, value in content.items() if name != "scan"})
+
+
+def _hash_of(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def embedded_sites() -> dict[str, Path]:

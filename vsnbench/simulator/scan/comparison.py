@@ -1,6 +1,8 @@
 """Compares a site's scan with its survey: walls, what stands on the floor, and what the survey lacks."""
 
 import math
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -31,13 +33,19 @@ def scan_findings(site: Site) -> list[SiteFinding]:
     """
     if site.scan is None or site.scan.path is None:
         return []
-    samples = points_on(load_scan(site.scan.path, site.scan.sha256))
+    samples = _samples(site.scan.path, site.scan.sha256)
     things = shapely.union_all([thing.shape.buffer(0.1) for thing in site.objects])
     is_thing = shapely.contains_xy(things, samples[:, 0], samples[:, 1]) if site.objects else np.zeros(0, np.bool_)
     walls = samples[~is_thing] if is_thing.size else samples
     walls = walls[(walls[:, 2] > _WALL_BAND_M[0]) & (walls[:, 2] < _WALL_BAND_M[1])]
     found = [finding for index, wall in enumerate(site.walls) if (finding := _of_wall(wall, index, walls))]
     return [*found, *_missing(site, samples), *_unsurveyed(site, samples)]
+
+
+@lru_cache(maxsize=1)
+def _samples(path: Path, sha256: str) -> Floats:
+    """Return points on a scan's surfaces; the editor asks for them after each change of a site."""
+    return points_on(load_scan(path, sha256))
 
 
 def _of_wall(wall: Wall, index: int, samples: Floats) -> SiteFinding | None:

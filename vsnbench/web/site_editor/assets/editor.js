@@ -18,6 +18,7 @@ let underlay;
 let goals;
 let isDirty = false;
 let changes = 0;
+let pointed = null; // where the pointer was last on the plan
 
 async function post(path, content) {
   const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json", "X-CSRF-Token": state.csrf_token }, body: JSON.stringify(content) });
@@ -55,13 +56,26 @@ const preview = debounced(async () => {
   const entry = model.entry();
   const start = model.selected?.[0] === "starts" ? { x_m: entry.position[0], y_m: entry.position[1], heading_deg: entry.heading_deg ?? 0 } : null;
   const pose = start ?? goals.shownCamera();
-  at("preview-card").hidden = !pose;
-  if (!pose) return;
-  at("preview").alt = start ? "Camera image from the selected start" : "Camera image for the photograph of the goal";
-  const image = await (await post("/preview", { site: model.site, ...pose })).blob();
+  const point = pose || !model.site.scan ? null : pointed;
+  at("preview-card").hidden = !pose && !point;
+  if (point) {
+    const answer = await post("/scan-view", { site: model.site, x_m: point[0], y_m: point[1], heading_deg: 0 });
+    const height = answer.headers.get("Surface-Height-M");
+    showPicture(await answer.blob(), "Scan under the pointer", `Scan from above around (${point.map((each) => each.toFixed(2)).join(", ")})`);
+    at("preview-height").textContent = height === null ? "The scan has a hole here." : `Surface ${height} m above the floor; the picture is 1.6 m wide.`;
+  } else if (pose) {
+    const image = await (await post("/preview", { site: model.site, ...pose })).blob();
+    showPicture(image, "Camera preview", start ? "Camera image from the selected start" : "Camera image for the photograph of the goal");
+    at("preview-height").textContent = "";
+  }
+}, 60);
+
+function showPicture(image, title, alt) {
+  at("preview-title").textContent = title;
+  at("preview").alt = alt;
   URL.revokeObjectURL(at("preview").src);
   at("preview").src = URL.createObjectURL(image);
-}, 60);
+}
 
 function setUnsaved() {
   isDirty = true;
@@ -157,6 +171,10 @@ function wire() {
   aside.addEventListener("keydown", (event) => { if (event.key === "Tab") side.isPressed = true; }, true);
   window.addEventListener("keyup", side.release); // the next field has the focus
   for (const end of ["mouseup", "blur"]) window.addEventListener(end, () => setTimeout(side.release));
+  for (const moved of ["pointermove", "pointerdown"]) plan.svg.addEventListener(moved, (event) => {
+    pointed = plan.at(event);
+    if (model.site.scan && model.selected?.[0] !== "starts" && !goals.shownCamera()) preview();
+  });
   plan.camera = () => goals.shownCamera();
   plan.onSettled = preview;
   plan.outlineOf = (entry) => outline(entry).map((point) => point.map((each) => rounded(each)));
