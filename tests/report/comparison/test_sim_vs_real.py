@@ -90,10 +90,8 @@ def test_scan_and_drawn_twin_are_compared_with_reality_by_goal(tmp_path: Path) -
     results = summarise(read(drawn.url, Selection()))
     pairs = sim_real_pairs(results, by_goal=True)
     assert [pair.pairing is not None for pair in pairs] == [True] * 4  # the survey is the same
-    assert {pair.simulated.name for pair in pairs} == {
-        "vlv simulated in the scan",
-        "vlv simulated in the drawn twin",
-    }
+    assert {pair.simulated.name for pair in pairs} == {"vlv in the scan", "vlv in the drawn twin"}
+    assert {pair.real.name for pair in pairs} == {"vlv real"}
     by_twin = {(pair.goals[0], pair.simulated.twin): pair for pair in pairs}
     assert by_twin["chair", "the scan"].difference == 0
     assert by_twin["chair", "the drawn twin"].difference == pytest.approx(5 / 7 - 3 / 7)

@@ -113,7 +113,7 @@ def write_scan(mesh: ScanMesh, path: Path) -> None:
 
 
 def splats_of(mesh: ScanMesh, parts: int = 2, opacity: float = 0.95) -> dict[str, Array]:
-    """Return flat splats on the triangles, `parts` squared on each, as training would: logarithms, logits, quaternions."""
+    """Return flat splats on the triangles, `parts` squared on each, as training gives them: logarithms and logits."""
     corners = mesh.vertices[mesh.faces].astype(float)
     shares = []
     for i in range(parts):

@@ -254,8 +254,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     yield "environment", condition.environment
     yield "robot", f"on {condition.robot}"
     yield "site", f"in {condition.site}"
-    if condition.twin:
-        yield "twin", f"in {condition.twin}"
+    yield "twin", f"in {condition.twin}" if condition.twin else condition.environment
     yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
     yield "noise", "with noise" if condition.noisy else "without noise"
     yield "disturbances", f"with {condition.disturbed}" if condition.disturbed else "undisturbed"

@@ -66,13 +66,14 @@ class ScanMesh:
         import cv2
 
         content = io.BytesIO()
-        arrays = {name: np.asarray(getattr(self, name), kind) for name, (kind, _) in _ARRAYS.items()}
+        arrays = {name: np.ascontiguousarray(getattr(self, name), kind) for name, (kind, _) in _ARRAYS.items()}
         for number, picture in enumerate(self.textures):
             _, png = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
             arrays[f"texture-{number}"] = np.asarray(png, np.uint8).reshape(-1)
         if self.splats is not None:
             arrays |= {
-                _SPLAT + name: np.asarray(getattr(self.splats, name), kind) for name, (kind, _) in _SPLATS.items()
+                _SPLAT + name: np.ascontiguousarray(getattr(self.splats, name), kind)
+                for name, (kind, _) in _SPLATS.items()
             }
         np.savez(content, **arrays)  # type: ignore[arg-type] # entries without dates, not compressed
         data = content.getvalue()

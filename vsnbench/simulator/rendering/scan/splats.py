@@ -18,16 +18,19 @@ _NEAREST_M: Final = 0.1
 """Minimum depth of a drawn splat's centre."""
 _SOFT_PX2: Final = 0.3
 """Variance that the pixel's own size adds on the screen, as in the training of 3D Gaussian splatting."""
+_WIDEST_PX: Final = 1e5
 _TILE: Final = 16
 _STEPS: Final = 256
 """Entries of the table of exponentials for each unit."""
+_LAST: Final = 6
+"""Exponent at which the table ends; a splat of opacity 255 ends before."""
 
 Floats = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 
 _LOGARITHMS: Final = np.array([0.0, *(math.log(opacity) for opacity in range(1, 256))], np.float32)
 """Exponent at which a splat of each opacity, 0 to 255, covers one part in 255."""
-_EXPONENTIALS: Final = np.array([math.exp(-(k + 0.5) / _STEPS) for k in range(6 * _STEPS)], np.float32)
+_EXPONENTIALS: Final = np.array([math.exp(-(k + 0.5) / _STEPS) for k in range(_LAST * _STEPS)], np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,11 +182,13 @@ def project_splats(  # noqa: PLR0913 - compiled functions take arrays, not objec
             uv = ux * bx + uy * by + uz * bz
             vv = vx * bx + vy * by + vz * bz + _SOFT_PX2
             determinant = uu * vv - uv * uv
-            if not determinant > 1e-6 or not uu > 0.0 or not vv > 0.0:
+            if not uu > 0.0 or not vv > 0.0:
                 continue
             most = np.float64(logarithms[opacity])
             at_x, at_y = centre_x + focal * x, centre_y + focal * y
             reach_x, reach_y = np.sqrt(2.0 * most * uu), np.sqrt(2.0 * most * vv)
+            if not max(reach_x, reach_y) < _WIDEST_PX or not determinant > 1e-6 * uu * vv:
+                continue
             if not (-reach_x < at_x < width - 1 + reach_x and -reach_y < at_y < height - 1 + reach_y):
                 continue
             zu, zv = r20 * ax + r21 * ay + r22 * az, r20 * bx + r21 * by + r22 * bz
@@ -227,6 +232,8 @@ def blend_splats(order: Any, screen: Any, index: Any, paint: Any, exponentials: 
         z, along_x, along_y, most, reach = screen[k, 5], screen[k, 6], screen[k, 7], screen[k, 8], screen[k, 9]
         determinant = a * c - b * b
         reach_x, reach_y = np.sqrt(2 * most * c / determinant), np.sqrt(2 * most * a / determinant)
+        if not max(reach_x, reach_y) < 2 * _WIDEST_PX:
+            continue
         top, bottom = int(np.ceil(max(y0 - reach_y, 0.0))), int(np.floor(min(y0 + reach_y, height - 1.0)))
         first, last = int(np.ceil(max(x0 - reach_x, 0.0))), int(np.floor(min(x0 + reach_x, width - 1.0)))
         if top > bottom or first > last:
@@ -243,9 +250,11 @@ def blend_splats(order: Any, screen: Any, index: Any, paint: Any, exponentials: 
         for row in range(top, bottom + 1):
             dy = np.float32(row) - y0
             inside = b * dy * (b * dy) - a * (c * dy * dy - 2 * most)
-            if inside < 0.0:
+            if not inside >= 0.0:
                 continue
             middle, half_width = x0 - b * dy / a, np.sqrt(inside) / a
+            if not abs(middle) + half_width < 4 * _WIDEST_PX:
+                continue
             low = max(int(np.ceil(middle - half_width)), 0)
             high = min(int(np.floor(middle + half_width)), width - 1)
             fixed, slope = half * c * dy * dy, b * dy
@@ -255,9 +264,9 @@ def blend_splats(order: Any, screen: Any, index: Any, paint: Any, exponentials: 
                     continue
                 dx = np.float32(column) - x0
                 exponent = half * a * dx * dx + slope * dx + fixed
-                entry = int(max(exponent, np.float32(0.0)) * np.float32(_STEPS))
-                if entry >= len(exponentials):
+                if not exponent < _LAST:
                     continue
+                entry = int(max(exponent, np.float32(0.0)) * np.float32(_STEPS))
                 alpha = min(opacity * exponentials[entry], most_opaque)
                 weight = alpha * share
                 light[row, column, 0] += weight * red
