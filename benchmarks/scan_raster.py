@@ -1,8 +1,9 @@
 """Measures the processor time to draw a scan: RGB, depth and labels at 640 x 480, on one thread.
 
 The surfaces of the embedded apartment are cut into the given number of textured triangles, with noise of 3 mm; every
-second surface is seen from behind. Splats are as wide as triangles, and as opaque as trained ones. Prints the median and the slowest of 15 starting positions, the preparation of the
-scan, and the memory that it takes. `--digest` prints a hash of all pixels, which is the same on every machine.
+second surface is seen from behind. Splats are as wide as triangles. Prints the median and the slowest of 15 starting
+positions, the preparation of the scan, and the memory that it takes. `--digest` prints a hash of all pixels, which is
+the same on every machine.
 
     python benchmarks/scan_raster.py [--triangles 50000 500000] [--splats 300000] [--repeats 5] [--digest]
 """
