@@ -193,7 +193,7 @@ def verdict_row(
 
 def insert_row(connection: Connection, table: type[TableBase], row: Row) -> int:
     """Insert a row and return its id."""
-    key: Any = connection.execute(insert(table), row).inserted_primary_key
+    key: Any = connection.execute(insert(table.__table__), row).inserted_primary_key
     return int(key[0])
 
 
