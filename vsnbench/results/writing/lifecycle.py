@@ -13,9 +13,9 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
-from sqlalchemy import ClauseElement, Connection, DateTime, Dialect, Update, bindparam, func, select, update
+from sqlalchemy import ClauseElement, Connection, DateTime, Dialect, Table, Update, bindparam, func, select, update
 
 from vsnbench.errors import EpisodeClosedError, UsageError
 from vsnbench.results.schema.tables import EpisodeRow, ProcessRow
@@ -122,11 +122,11 @@ def _transition(
     It is kept, because making it takes longer than executing it. Its parameters are `episode`, the values as
     `new_COLUMN`, and if it must have claimed the episode `process`. SQL expressions are part of the statement.
     """
-    table = EpisodeRow.__table__
+    table = cast("Table", EpisodeRow.__table__)
     wanted = [table.c.id == bindparam("episode"), table.c.state.in_([state.value for state in before])]
     if owned:
         wanted.append(table.c.process_id == bindparam("process"))
-    values = {name: bindparam(f"new_{name}") for name in given}
+    values: dict[str, Any] = {name: bindparam(f"new_{name}") for name in given}
     return update(table).where(*wanted).values({**values, **dict(computed)})
 
 
