@@ -118,9 +118,8 @@ def main() -> None:
                 parts[name].append(min(times))
             pixels.update(rgb.tobytes() + depth.tobytes() + instance.tobytes())
         said = ", ".join(f"{name} {statistics.median(ms):.1f} ({max(ms):.1f})" for name, ms in parts.items())
-        print(
-            f"{len(mesh.faces):,} {'splats' if splats else 'triangles'}: {said} ms; prepared in {prepared_s:.2f} s, {grown:.0f} MiB"
-        )
+        count = f"{len(mesh.faces):,} {'splats' if splats else 'triangles'}"
+        print(f"{count}: {said} ms; prepared in {prepared_s:.2f} s, {grown:.0f} MiB")
         if options.digest:
             print(f"  pixels {pixels.hexdigest()[:16]}")
 
