@@ -71,9 +71,15 @@ def test_the_page_shows_the_scan_under_the_pointer(site_file: Path, width: int) 
         page.wait_for_selector("body[data-open=yes]")
         assert page.locator("#plan image").count() == 1
         page.mouse.move(*Drawing(page).pixels(*ON_TABLE))
-        page.wait_for_selector("#preview-height:has-text('Surface 0.7')")
-        assert page.locator("#preview-title").text_content() == "Scan under the pointer"
-        page.wait_for_function("() => document.querySelector('#preview').naturalWidth === 384")
+        page.wait_for_selector("#scan-height:has-text('0.7')")
+        page.wait_for_function("() => document.querySelector('#scan-picture').naturalWidth === 384")
+        box, plan = page.locator("#scan-view").bounding_box(), page.locator("#plan").bounding_box()
+        assert box is not None
+        assert plan is not None
+        pointer_x = Drawing(page).pixels(*ON_TABLE)[0]
+        assert not box["x"] <= pointer_x <= box["x"] + box["width"], "the place itself stays in sight"
+        assert plan["x"] <= box["x"]
+        assert box["x"] + box["width"] <= plan["x"] + plan["width"]
         assert accessibility_findings(page) == []
 
 

@@ -74,26 +74,6 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
             continue
         if abs(x) - slope_x * z > radius * norm_x or abs(y) - slope_y * z > radius * norm_y:
             continue
-        nearest, farthest = z - radius, z + radius
-        if nearest > NEAR_M:
-            # Is everything around the chunk's place on the screen nearer than the chunk?
-            left, right = x - radius, x + radius
-            above, below = y - radius, y + radius
-            low = int(np.floor(max(centre_x + focal * left / (nearest if left < 0.0 else farthest), 0.0)))
-            high = int(np.ceil(min(centre_x + focal * right / (nearest if right > 0.0 else farthest), width - 1.0)))
-            top = int(np.floor(max(centre_y + focal * above / (nearest if above < 0.0 else farthest), 0.0)))
-            bottom = int(np.ceil(min(centre_y + focal * below / (nearest if below > 0.0 else farthest), height - 1.0)))
-            least = np.float32(1.000001 / nearest)
-            hidden = True
-            for row in range(top, bottom + 1):
-                for column in range(low, high + 1):
-                    if nearness[row, column] < least:
-                        hidden = False
-                        break
-                if not hidden:
-                    break
-            if hidden:
-                continue
         for face in range(number * chunk, min((number + 1) * chunk, len(corners))):
             behind = 0
             for k in range(3):

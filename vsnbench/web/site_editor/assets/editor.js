@@ -56,25 +56,28 @@ const preview = debounced(async () => {
   const entry = model.entry();
   const start = model.selected?.[0] === "starts" ? { x_m: entry.position[0], y_m: entry.position[1], heading_deg: entry.heading_deg ?? 0 } : null;
   const pose = start ?? goals.shownCamera();
-  const point = pose || !model.site.scan ? null : pointed;
-  at("preview-card").hidden = !pose && !point;
-  if (point) {
-    const answer = await post("/scan-view", { site: model.site, x_m: point[0], y_m: point[1], heading_deg: 0 });
-    const height = answer.headers.get("Surface-Height-M");
-    showPicture(await answer.blob(), "Scan under the pointer", `Scan from above around (${point.map((each) => each.toFixed(2)).join(", ")})`);
-    at("preview-height").textContent = height === null ? "The scan has a hole here." : `Surface ${height} m above the floor; the picture is 1.6 m wide.`;
-  } else if (pose) {
-    const image = await (await post("/preview", { site: model.site, ...pose })).blob();
-    showPicture(image, "Camera preview", start ? "Camera image from the selected start" : "Camera image for the photograph of the goal");
-    at("preview-height").textContent = "";
-  }
+  at("preview-card").hidden = !pose;
+  if (!pose) return;
+  at("preview").alt = start ? "Camera image from the selected start" : "Camera image for the photograph of the goal";
+  await showPicture(at("preview"), await post("/preview", { site: model.site, ...pose }));
 }, 60);
 
-function showPicture(image, title, alt) {
-  at("preview-title").textContent = title;
-  at("preview").alt = alt;
-  URL.revokeObjectURL(at("preview").src);
-  at("preview").src = URL.createObjectURL(image);
+// The scan from above around the pointer, on the side of the plan where the pointer is not.
+const showScan = debounced(async () => {
+  const [x, y] = pointed;
+  const answer = await post("/scan-view", { site: model.site, x_m: x, y_m: y, heading_deg: 0 });
+  const height = answer.headers.get("Surface-Height-M");
+  at("scan-height").textContent = height === null ? "hole in the scan" : `scan: ${height} m high`;
+  at("scan-picture").alt = `The scan from above around (${x.toFixed(2)}, ${y.toFixed(2)})`;
+  at("scan-view").classList.toggle("left", x > plan.centre()[0]);
+  at("scan-view").hidden = false;
+  await showPicture(at("scan-picture"), answer);
+}, 60);
+
+async function showPicture(image, answer) {
+  const picture = await answer.blob();
+  URL.revokeObjectURL(image.src);
+  image.src = URL.createObjectURL(picture);
 }
 
 function setUnsaved() {
@@ -173,7 +176,7 @@ function wire() {
   for (const end of ["mouseup", "blur"]) window.addEventListener(end, () => setTimeout(side.release));
   for (const moved of ["pointermove", "pointerdown"]) plan.svg.addEventListener(moved, (event) => {
     pointed = plan.at(event);
-    if (model.site.scan && model.selected?.[0] !== "starts" && !goals.shownCamera()) preview();
+    if (model.site.scan) showScan();
   });
   plan.camera = () => goals.shownCamera();
   plan.onSettled = preview;
