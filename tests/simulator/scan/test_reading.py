@@ -78,7 +78,7 @@ def refused(path: Path) -> SiteError:
             "invalid-scan",
             "promises more",
         ),
-        ("element vertex 9\nproperty float f_dc_0\nend_header\n", "invalid-scan", "Gaussian splats"),
+        ("element vertex 9\nproperty float f_dc_0\nend_header\n", "invalid-scan", "not plain binary"),
         ("element vertex 9\nproperty quad x\nelement face 1\nend_header\n", "invalid-scan", "type 'quad'"),
         ("element vertex -3\nelement face 1\nend_header\n", "invalid-scan", "element vertex -3"),
         (WITHOUT_A_VERTEX, "invalid-scan", "export it again"),

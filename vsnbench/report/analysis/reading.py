@@ -10,7 +10,7 @@ from vsnbench.results.reading.read_model import CODE, MODEL_NAME
 from vsnbench.results.schema.engine import to_json
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, TrialRow
 from vsnbench.results.writing.lifecycle import EpisodeState
-from vsnbench.sites.site import survey_sha256
+from vsnbench.sites.scan import survey_sha256
 from vsnbench.values.robot_identity import IMPORTED
 
 

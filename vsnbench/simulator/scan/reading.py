@@ -95,9 +95,8 @@ def read_scan(path: Path, metres_per_unit: float = 1.0) -> ScanMesh:
         return _joined(_geometries(data, kind, files))
     except ValueError as problem:
         reason = (str(problem).splitlines() or [""])[0][:200]
-        raise SiteError(
-            f"cannot read the scan {path}: {reason}", advice="export it again as .glb or .ply", code="invalid-scan"
-        ) from problem
+        advice = "" if "export" in reason else "export it again as .glb or .ply"
+        raise SiteError(f"cannot read the scan {path}: {reason}", advice=advice, code="invalid-scan") from problem
 
 
 def _bytes_of(path: Path, most: int, what: str) -> bytes:
