@@ -25,7 +25,7 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.web.site_editor.document import SiteDocument, save_document
 from vsnbench.web.site_editor.goal_images import read_goal_image, store_goal_image
-from vsnbench.web.site_editor.preview import CameraPreview
+from vsnbench.web.site_editor.preview import camera_image, scan_image
 from vsnbench.web.site_editor.underlay import Underlay
 from vsnbench.web_server.pages import ERROR_HANDLERS, csrf_token_for, json_body, page_routes, text_field
 
@@ -48,7 +48,6 @@ class SiteEditor:
         self._path, self._profile = path, profile
         self._lock = threading.Lock()
         self._underlay = _initial_underlay(path, underlay)
-        self._preview = CameraPreview(profile.camera)
         self._reload()
 
     def app(self) -> Starlette:
@@ -146,7 +145,7 @@ class SiteEditor:
     async def _render_scan(self, request: Request) -> Response:
         """Show the scan from above around a point, with the height of its surface there in a header."""
         body = await json_body(request)
-        image, height_m = await run_in_threadpool(self._preview.above, self._site_of(body), _pose_field(body))
+        image, height_m = await run_in_threadpool(scan_image, self._site_of(body), _pose_field(body))
         headers = {} if height_m is None else {"Surface-Height-M": f"{height_m:.2f}"}
         return Response(image, media_type="image/jpeg", headers=headers)
 
@@ -168,7 +167,7 @@ class SiteEditor:
         return Response(content, media_type=media_type)
 
     def _rendered(self, body: dict[str, Any], pose: Pose, *, full_size: bool) -> bytes:
-        return self._preview.image(self._site_of(body), pose, full_size=full_size)
+        return camera_image(self._site_of(body), self._profile.camera, pose, full_size=full_size)
 
     def _site_of(self, body: dict[str, Any]) -> Site:
         """Return the page's site without its goals, which may be incomplete."""
