@@ -329,7 +329,7 @@ def tables(studies: int) -> dict[str, Table]:
     """Return the header of each table and the jobs for its lines."""
     equal = itertools.product((15, 8), (False, True), (1.0, 2.5), (0.1, 0.3, 0.5, 0.7, 0.9))
     different = itertools.product((15, 8), REPETITIONS, (1.0, 2.5), (0.2, 0.3))
-    beside = itertools.product((15, 8), REPETITIONS, (1.0, 2.5), (0.0, 0.2, 0.3))
+    beside = itertools.product((15,), (1, 5, 2), (1.0, 2.5), (0.3, 0.0, 0.2))
     several = [(3, 15, rate, 2.5) for rate in (0.5, 0.1, 0.9)] + [(5, 15, 0.5, 2.5), (3, 8, 0.5, 2.5)]
     several += [(5, 15, rate, 2.5) for rate in (0.1, 0.9)]
     # Of 23 designs that were tried, the ones with the most errors, and six others.
@@ -346,8 +346,9 @@ def tables(studies: int) -> dict[str, Table]:
     plans += [(15, 1, gap, {"decided": False}) for gap in (0.0, 0.15, 0.2, 0.3)]
     plans += [(15, 2, gap, {"arms": 3}) for gap in (0.0, 0.3)]
     plans += [(15, 1, gap, question) for question in (within, no_worse) for gap in (0.0, 0.15, 0.3)]
-    twins = itertools.product((0.5, 0.1, 0.9), TWINS)
-    planned_twins = [*((15, 30, rate, 2.5, twin) for rate, twin in twins), *((8, 20, 0.5, 2.5, twin) for twin in TWINS)]
+    twins = [(15, 30, 0.5, 2.5, twin) for twin in TWINS]
+    twins += [(15, 30, rate, 2.5, twin) for rate in (0.1, 0.9) for twin in ("good", "opposite")]
+    twins += [(8, 20, 0.5, 2.5, twin) for twin in ("good", "opposite")]
     return {
         "equal arms": (
             [
@@ -427,7 +428,7 @@ def tables(studies: int) -> dict[str, Table]:
                 ),
                 "| --- | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
             ],
-            [partial(twin_line, studies, *each) for each in planned_twins],
+            [partial(twin_line, studies, *each) for each in twins],
         ),
     }
 
