@@ -24,6 +24,8 @@ from PIL import Image
 
 DEPTH_UNITS_PER_METRE = 10000.0
 """The server reads depth as 16-bit PNG of tenths of a millimetre; 0 where there is none."""
+LOADING_S = 55.0
+"""Time limit of a reset: the servers load their networks with the first one (gnm_server.py:31-36)."""
 TURN_RAD = math.radians(30)
 """A turn as a waypoint, the size of a discrete one."""
 MODES = {
@@ -121,7 +123,7 @@ class NavDP:
         request = {"intrinsic": intrinsic, "stop_threshold": self.stop_threshold, "batch_size": 1}
         # GNM, ViNT and NoMaD keep the last episode's images after a second `navigator_reset` (gnm_server.py:31-37).
         for route, content in (("navigator_reset", request), ("navigator_reset_env", {"env_id": 0})):
-            answer = self._post(route, json.dumps(content).encode(), "application/json")
+            answer = self._post(route, json.dumps(content).encode(), "application/json", LOADING_S)
             if answer.get("algo") != self.algo:  # all servers have these routes
                 found = f"the server at {self.url} is that of {answer.get('algo')!r:.40}, not of {self.algo!r}"
                 raise ValueError(f"{found}: set `algo`, or start the other server")
@@ -168,7 +170,9 @@ class NavDP:
         fields = {}
         if self.mode == "point":
             fields["goal_data"] = json.dumps({"goal_x": [ahead_m], "goal_y": [left_m]})
-        answer = self._post(f"{self.mode}{'' if self.mode == 'nogoal' else 'goal'}_step", *form(files, fields))
+        answer = self._post(
+            f"{self.mode}{'' if self.mode == 'nogoal' else 'goal'}_step", *form(files, fields), self.timeout_s
+        )
         path = np.asarray(answer["trajectory"], float)[0, :, :2]
         if path.ndim != 2 or len(path) < 2 or not np.isfinite(path).all():
             raise ValueError(f"the server at {self.url} returned no trajectory")
@@ -177,8 +181,8 @@ class NavDP:
             scalars["photographs_left"] = float(len(self.goals))
         return path, {"diagnostics": {"scalars": scalars}, "raw_action": f"{np.hypot(*path[-1]):.2f} m"}
 
-    def _post(self, route, body, content_type):
-        return post(f"{self.url}/{route}", body, content_type, self.timeout_s)
+    def _post(self, route, body, content_type, timeout_s):
+        return post(f"{self.url}/{route}", body, content_type, timeout_s)
 
 
 def post(url, body, content_type, timeout_s):

@@ -8,12 +8,15 @@ network is too large for a CPU, or its package has no wheel, STAND_INS has a sma
 """
 
 import argparse
+import re
 import runpy
 import shutil
 import sys
 import types
 from pathlib import Path
 
+import flask
+import numpy as np
 import torch
 
 FAR, PER_IMAGE = 30.0, 6.0
@@ -42,7 +45,8 @@ def random_weights():
 def torchvision_without_cuda():
     """Define the operators that torchvision's wheel has for CUDA only."""
     library = torch.library.Library("torchvision", "DEF")
-    library.define("nms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+    for name in ("nms", "qnms"):
+        library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
     return library
 
 
@@ -81,7 +85,11 @@ def nomad():
 
 
 def viplanner():
-    """Mask2Former of mmdet sees floor everywhere."""
+    """Mask2Former of mmdet sees floor everywhere. Python 3.11 refuses a default of upstream's that 3.10 takes."""
+    config = Path("configs/learning_config.py")
+    config.write_text(
+        config.read_text().replace("@dataclass\nclass DataCfg", "@dataclass(unsafe_hash=True)\nclass DataCfg")
+    )
 
     class Segments:
         def __init__(self):
@@ -122,7 +130,159 @@ def ddppo():
     torch.load = lambda *_, **__: {"state_dict": {}}
 
 
+class Words:
+    """What a language model would say, one text after another; the last again and again."""
+
+    def __init__(self, *texts):
+        self.texts, self.number = texts, -1
+
+    def next(self):
+        self.number = min(self.number + 1, len(self.texts) - 1)
+        return torch.tensor([[self.number]])
+
+    def text(self, ids):
+        return self.texts[int(ids.flatten()[-1])]
+
+
+class Inputs(dict):
+    """Inputs of a network, by name and as attributes."""
+
+    __getattr__ = dict.__getitem__
+
+    def to(self, device):
+        return self
+
+
+def change_by_hand(file, *changes):
+    """Make the changes in a server that examples/adapters/README.md tells a lab to make."""
+    text = Path(file).read_text(encoding="utf-8")
+    for before, after in (('instruction = "[^"]*"', 'instruction = data["instruction"]'), *changes):
+        text, count = re.subn(before, after, text)
+        assert count == 1, before
+    Path(file).write_text(text, encoding="utf-8")
+
+
+def streamvln():
+    """The language model, its tokenizer and its eye say four actions for an image; upstream's agent is its own."""
+    change_by_hand("streamvln/http_realworld_server.py")
+    words = Words("\u2192\u2192\u2191\u2191", "\u2191\u2191\u2191\u2191", "\u2191STOP")
+
+    class Eye:
+        def preprocess(self, images, return_tensors):
+            pixels = torch.from_numpy(np.array(images)).float().mean((0, 1))
+            print("image", images.size, "red, green, blue", *(round(value) for value in pixels.tolist()), flush=True)
+            return {"pixel_values": [torch.zeros((3, 8, 8))]}
+
+    class StreamVLNForCausalLM(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.model = types.SimpleNamespace(num_history=None)
+            self.warm = False
+
+        @classmethod
+        def from_pretrained(cls, *_, **__):
+            return cls()
+
+        def get_vision_tower(self):
+            return types.SimpleNamespace(image_processor=Eye())
+
+        def reset(self, number):
+            pass
+
+        def reset_for_env(self, number):
+            words.number = -1
+
+        def generate(self, inputs, images, past_key_values, **_):
+            assert images.dtype == torch.bfloat16
+            return types.SimpleNamespace(sequences=words.next(), past_key_values=None)
+
+    class Tokenizer:
+        additional_special_tokens_ids = (1, 2)
+        from_pretrained = classmethod(lambda cls, *_, **__: cls())
+
+        def __call__(self, text):
+            return types.SimpleNamespace(input_ids=[3])
+
+        def add_tokens(self, *_, **__):
+            pass
+
+        def convert_tokens_to_ids(self, token):
+            return 4
+
+        def apply_chat_template(self, talk):
+            print("prompt", talk[0]["content"][:200].replace("\n", " "), flush=True)
+            return [5]
+
+        def batch_decode(self, ids, skip_special_tokens):
+            return [words.text(ids)]
+
+    config = types.SimpleNamespace(from_pretrained=lambda *_, **__: None)
+    for name in ("quaternion", "omegaconf", "depth_camera_filtering"):
+        module(name, OmegaConf=None, filter_depth=None)
+    module("transformers.image_utils", to_numpy_array=None)
+    vars(sys.modules["transformers"]).update(AutoTokenizer=Tokenizer, AutoConfig=config, PreTrainedTokenizer=Tokenizer)
+    module("model.stream_video_vln", StreamVLNForCausalLM=StreamVLNForCausalLM)
+    sys.path.insert(0, str(Path("streamvln").resolve()))
+
+
+def dualvln():
+    """The language model says actions, a point in the image, or to look down; the diffusion head plans straight on."""
+    change_by_hand(
+        "scripts/realworld/http_internvla_server.py",
+        (
+            r"    args = parser.parse_args\(\)",
+            r'    parser.add_argument("--plan_step_gap", type=int, default=4)\n\g<0>',
+        ),
+        (r"    agent\.step\(\n(?:        .*\n)+    \)\n", ""),  # a first call that fails in three ways
+    )
+    words = Words("\u2190\u2190\u2191", "60, 80", "\u2193", "\u2192", "STOP")
+
+    class InternVLAN1ForCausalLM(torch.nn.Module):
+        @classmethod
+        def from_pretrained(cls, *_, **__):
+            return cls()
+
+        def generate(self, **inputs):
+            return types.SimpleNamespace(sequences=words.next(), past_key_values=None)
+
+        def generate_latents(self, output_ids, pixel_values, image_grid_thw):
+            return torch.zeros((1, 4, 8))
+
+        def generate_traj(self, latent, rgb, depth):
+            assert rgb.shape == (1, 2, 224, 224, 3)
+            assert depth.shape == (1, 2, 224, 224, 1)
+            print(f"depth {depth.min():.2f} to {depth.max():.2f} m", flush=True)
+            return torch.tensor([0.2, 0.01, 0.0]).repeat(32, 32, 1)
+
+    class Processor:
+        from_pretrained = classmethod(lambda cls, *_, **__: cls())
+
+        def __init__(self):
+            self.tokenizer = types.SimpleNamespace(decode=self.decoded)
+
+        def decoded(self, ids, skip_special_tokens):
+            return words.texts[words.number]
+
+        def apply_chat_template(self, talk, **_):
+            parts = [part for turn in talk for part in turn["content"]]
+            return " ".join(part["text"] for part in parts if part["type"] == "text")
+
+        def __call__(self, text, images, return_tensors):
+            pixels = torch.from_numpy(np.array(images[-1])).float().mean((0, 1))
+            print("images", len(images), images[-1].size, *(round(value) for value in pixels.tolist()), flush=True)
+            print("prompt", text[0][:200].replace("\n", " "), flush=True)
+            ids = torch.zeros((1, 0), dtype=torch.long)
+            return Inputs(input_ids=ids, image_grid_thw=torch.ones((1, 3)), pixel_values=torch.zeros(1))
+
+    module("transformers", AutoProcessor=Processor)
+    for name in ("internnav", "internnav.agent", "internnav.model", "internnav.model.utils"):
+        module(name).__path__ = [str(Path(name.replace(".", "/")).resolve())]
+    module("internnav.model.basemodel.internvla_n1.internvla_n1", InternVLAN1ForCausalLM=InternVLAN1ForCausalLM)
+
+
 SERVERS = {
+    "streamvln": ("StreamVLN", "streamvln/http_realworld_server.py", streamvln, ("--device", "cpu")),
+    "dualvln": ("InternNav", "scripts/realworld/http_internvla_server.py", dualvln, ("--device", "cpu")),
     "navdp": ("NavDP/baselines/navdp", "navdp_server.py", None, ()),
     "gnm": ("NavDP/baselines/gnm", "gnm_server.py", gnm, ("--device", "cpu")),
     "vint": ("NavDP/baselines/vint", "vint_server.py", vint, ("--device", "cpu")),
@@ -151,7 +311,9 @@ def main():
     random_weights()
     if replace is not None:
         replace()
-    sys.argv = [script, "--port", str(arguments.port), *words]
+    run = flask.Flask.run
+    flask.Flask.run = lambda app, host, port: run(app, "127.0.0.1", arguments.port)  # not on every interface
+    sys.argv = [script, *words]
     runpy.run_path(script, run_name="__main__")
     del torchvision
 

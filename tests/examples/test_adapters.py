@@ -122,7 +122,7 @@ def answering(trajectory: Any, **arguments: Any) -> Any:
     model.goals = [np.zeros((32, 32, 3), np.uint8)]
     model.posted = []
 
-    def post(route: str, body: bytes, content_type: str) -> dict[str, Any]:
+    def post(route: str, body: bytes, *_: Any) -> dict[str, Any]:
         model.posted.append((route, body))
         return {"trajectory": np.asarray(trajectory).tolist(), "all_values": [[-3.5]], "algo": model.algo}
 
@@ -246,15 +246,8 @@ def test_streamvln_executes_four_actions_in_upstreams_sizes(
     with vln_server(directory) as url:
         steps = driven("StreamVLN", directory, monkeypatch, capsys, url=url)
     assert [action for action, _, _ in steps] == ["MOVE"] * 7 + ["STOP"]
-    assert [round(math.degrees(moved.get("turn_rad", 0))) for _, _, moved in steps if moved] == [
-        0,
-        15,
-        0,
-        -15,
-        -15,
-        0,
-        0,
-    ]
+    turns = [round(math.degrees(moved.get("turn_rad", 0))) for _, _, moved in steps[:7] if moved]
+    assert turns == [0, 15, 0, -15, -15, 0, 0]
 
 
 def test_dualvln_executes_actions_and_trajectories_and_does_not_look_down(
