@@ -3,7 +3,7 @@
 Put this file and vsnbench_policy.py into GOAT-Bench's environment (its packages `goat_bench` and `clip`):
 
     python vsnbench_policy.py goat_adapter:SenseActNN --settings goat.json --port 8765
-    vsnbench run --model ws://gpu-box:8765 --site examples/goals.yaml --goal to-many-things
+    vsnbench run --model ws://gpu-box:8765 --site examples/goals.yaml --goal chair-first
 
 goat.json: {"checkpoint": "data/goat-assets/checkpoints/sense_act_nn_monolithic/ckpt.pth"}. The values of the class are
 those of config/experiments/ver_goat_monolithic.yaml and config/tasks/goat_stretch_hm3d.yaml. Lines of upstream are

@@ -26,6 +26,7 @@ VLFM = {"pointnav_policy_path": "data/pointnav_weights.pth", "depth_image_shape"
 SETTINGS = {
     "uninavid.json": {"model_path": "model_zoo/uninavid"},
     "navila.json": {"model_path": "navila-llama3-8b-8f", "question_file": "question.txt"},
+    "goat.json": {"checkpoint": "ckpt.pth"},
     "vlfm.json": {"arguments": VLFM, "device": "cpu"},
 }
 
@@ -82,9 +83,10 @@ def driven(
     capsys: pytest.CaptureFixture[str],
     goal: str = "",
     starts: str = "5",
+    end: str = "stop",
     **settings: Any,
 ) -> list[Step]:
-    """Serve a model and run the page's trial, or one to another goal; return the steps. It must end with STOP."""
+    """Serve a model and run the page's trial, or one to another goal; return the steps. `end`: how it must end."""
     runs = next(runs for serves, runs in COMMANDS.items() if f":{model} " in serves)
     if goal:
         runs = re.sub(r"--goal \S+", f"--goal {goal}", runs)
@@ -103,7 +105,7 @@ def driven(
     with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
         rows = database.execute("SELECT action, raw_action, movement FROM step ORDER BY episode_id, number").fetchall()
         reasons = {reason for (reason,) in database.execute("SELECT end_reason FROM episode")}
-    assert reasons == {"stop"}, (directory / "server.log").read_text()
+    assert reasons == {end}, (directory / "server.log").read_text()
     return [(action, raw, json.loads(movement) if movement else None) for action, raw, movement in rows]
 
 

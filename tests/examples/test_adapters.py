@@ -49,7 +49,7 @@ def navdp_server(directory: Path, algo: str = "navdp") -> Iterator[str]:
 def test_the_page_has_commands_for_every_adapter() -> None:
     named = {serves.split()[1].partition(":")[0] for serves in COMMANDS}
     assert named == {file.stem for file in ADAPTERS.glob("*.py")}
-    assert len(COMMANDS) == 7
+    assert len(COMMANDS) == 8
 
 
 @pytest.mark.parametrize("model", ["NavDP", "UniNaVid", "NaVILA", "VLFMHabitat", "VLFMReality"])
@@ -301,6 +301,17 @@ def streamvln_module() -> dict[str, Any]:
 
     module["ask_of"] = ask_of
     return module
+
+
+def test_goats_agent_keeps_its_memory_from_goal_to_goal(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torch = pytest.importorskip("torch")
+    torch.save({"state_dict": {"actor_critic.net.goat_embeeding.weight": torch.zeros(1)}}, directory / "ckpt.pth")
+    steps = driven("SenseActNN", directory, monkeypatch, capsys, device="cpu")
+    legs = [["MOVE_FORWARD"] * goals + ["NOOP", "STOP"] for goals in range(1, 6)]
+    assert [action for action, _, _ in steps] == [action for leg in legs for action in leg]
+    assert {raw for _, raw, _ in steps} == {"move_forward", "look_up", "subtask_stop"}
 
 
 @pytest.mark.parametrize("chunk", [False, True])
