@@ -8,11 +8,15 @@ network is too large for a CPU, or its package has no wheel, STAND_INS has a sma
 """
 
 import argparse
+import importlib
 import re
 import runpy
 import shutil
 import sys
 import types
+from abc import ABCMeta
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import flask
@@ -280,7 +284,66 @@ def dualvln():
     module("internnav.model.basemodel.internvla_n1.internvla_n1", InternVLAN1ForCausalLM=InternVLAN1ForCausalLM)
 
 
+class AnyClass(ABCMeta):
+    """A class that has whatever is asked of it."""
+
+    def __getattr__(cls, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return Anything
+
+
+class Anything(metaclass=AnyClass):
+    """A class or decorator of a package that is not there."""
+
+    def __init__(self, *_, **__):
+        pass
+
+    def __call__(self, *arguments, **_):
+        return arguments[0] if arguments else self
+
+    __getattr__ = AnyClass.__getattr__
+
+
+class NotThere(MetaPathFinder, Loader):
+    """Finds packages that a CPU or Python 3.11 cannot have, with whatever is asked of them."""
+
+    def __init__(self, *names):
+        self.names = names
+
+    def find_spec(self, name, path, target=None):
+        if any(f"{name}.".startswith(f"{each}.") for each in self.names):
+            return ModuleSpec(name, self, is_package=True)
+        return None
+
+    def create_module(self, spec):
+        return None
+
+    def exec_module(self, module):
+        module.__getattr__ = lambda name: AnyClass.__getattr__(Anything, name)
+
+
+def goat():
+    """GOAT-Bench's policy and CLIP's networks are their own; habitat-sim and what needs it are not there."""
+    drawing = "habitat.utils.visualizations"
+    others = ("numba", "ifcfg", "git", "moviepy", "lmdb", "webdataset", "seaborn", "trimesh", "GPUtil", "tensorboard")
+    sys.meta_path.insert(0, NotThere("habitat_sim", "magnum", "timm", "vc_models", drawing, *others))
+    packaging = importlib.import_module("packaging.version")
+    module("pkg_resources", packaging=types.SimpleNamespace(version=packaging))
+    for name in ("models", "task", "models.encoders", "obs_transformer", "utils"):
+        module(f"goat_bench.{name}").__path__ = [str(Path(f"goat_bench/{name.replace('.', '/')}").resolve())]
+    clip = importlib.import_module("clip.clip")
+    model = importlib.import_module("clip.model")
+    sizes = (1024, 224, (3, 4, 6, 3), 64, None, 77, 49408, 512, 8, 12)  # those of RN50
+    load = lambda name, device="cpu", **_: (model.CLIP(*sizes).eval(), clip._transform(224))  # noqa: E731
+    clip.load = sys.modules["clip"].load = load
+    torch.load = lambda *_, **__: {"state_dict": {}}
+
+
+GOAT = ("goat_adapter:SenseActNN", "--settings", "goat.json", "--port", "{port}")
+"""The policy has no server of upstream's: vsnbench's serves it, with the adapter in the working directory."""
 SERVERS = {
+    "goat": ("goat-bench", "vsnbench_policy.py", goat, GOAT),
     "streamvln": ("StreamVLN", "streamvln/http_realworld_server.py", streamvln, ("--device", "cpu")),
     "dualvln": ("InternNav", "scripts/realworld/http_internvla_server.py", dualvln, ("--device", "cpu")),
     "navdp": ("NavDP/baselines/navdp", "navdp_server.py", None, ()),
@@ -313,7 +376,7 @@ def main():
         replace()
     run = flask.Flask.run
     flask.Flask.run = lambda app, host, port: run(app, "127.0.0.1", arguments.port)  # not on every interface
-    sys.argv = [script, *words]
+    sys.argv = [script, *(word.format(port=arguments.port) for word in words)]
     runpy.run_path(script, run_name="__main__")
     del torchvision
 
