@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 
 from tests.cli.console import vsnbench
+from tests.cli.test_record_verbs import vsnbench as record_verb
 from tests.models.remote.servers import stub_server
 from tests.runner.episode.test_continuous import LANE, TURTLEBOT, Record
 from vsnbench.errors import RobotError
@@ -221,6 +222,26 @@ def written(directory: Path) -> Path:
     side = {**content["camera"], "mount_left_m": 0.1, "mount_forward_m": 0.0}
     content["cameras"] = {"left": {**side, "yaw_deg": 90}, "rear": {**side, "yaw_deg": 180}}
     path = directory / "three.yaml"
+    yaml.dump(content, path)
+    return path
+
+
+def record_of_cameras(directory: Path) -> None:
+    """Write an episode of four steps with cameras ahead, to the left and at the rear."""
+    robot = f"simulated:{written(directory)}"
+    model = "tests.robots.test_cameras:LooksLeft"
+    done = record_verb(directory, "run", "--robot", robot, "--goal", "chair", "--starts", "1", "--model", model, "-q")
+    assert done.returncode == 0, done.stderr
+
+
+def with_left_camera(path: Path, source: Path) -> Path:
+    """Write a profile with a camera that looks to the left, on the topics of the tests' nodes."""
+    yaml = YAML()
+    content = yaml.load(source.read_text(encoding="utf-8"))
+    content["cameras"] = {"left": {**content["camera"], "yaw_deg": 90}}
+    names = {"color": "camera_left/color/image_raw", "depth": "camera_left/depth/image_raw"}
+    slash = "/" if content["interface"]["kind"] == "ros1" else ""
+    content["interface"]["cameras"] = {"left": {part: slash + name for part, name in names.items()}}
     yaml.dump(content, path)
     return path
 
