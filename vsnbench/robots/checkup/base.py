@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
+from vsnbench.robots.checkup.checks import clock_results, frame_results, moment_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, motion_response_results
 from vsnbench.robots.checkup.images import image_results, image_type, turned_results
 from vsnbench.robots.checkup.odometry import (
@@ -86,7 +86,7 @@ class TurnTest(SteeredBase):
 
     @abstractmethod
     def newest_images(self) -> Mapping[str, Any]:
-        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
+        """Return the newest images of `image_topics` that arrive from now on, without those that do not."""
 
     def further_results(self) -> Iterator[CheckResult]:
         """Perform the checks that follow successful turns: none by default."""
@@ -133,6 +133,7 @@ class RosCheckup(ABC):
             attitudes = self._attitudes(readable)
             yield from image_results(self.profile, readable, self._read, self.image_turns, last_attitude(attitudes))
             yield from frame_results(self.names, readable)
+            yield from moment_results(self.names, readable)
             yield from self._odometry_results(readable)
             yield from attitude_results(attitudes)
             yield from self._hazard_results()
@@ -305,6 +306,14 @@ class RosCheckup(ABC):
                 yield from _turn_results(test, self.profile, self.image_turns)
         except RobotError as error:
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
+
+
+def image_topics(names: RosInterface) -> dict[str, str]:
+    """Return the topics of images: `colour` and `depth` of the main camera, `left colour` and so on of the others."""
+    topics = {"colour": names.color, "depth": names.depth}
+    for role, its in names.cameras.items():
+        topics |= {f"{role} colour": its.color, f"{role} depth": its.depth}
+    return {what: topic for what, topic in topics.items() if topic}
 
 
 def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:

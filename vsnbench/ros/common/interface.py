@@ -124,6 +124,12 @@ class RosInterface(Interface):
         return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
 
     @property
+    def camera_topics(self) -> dict[CameraRole, CameraTopics]:
+        """Topics of every camera by role; those of the main one are `color`, `depth` and their calibrations."""
+        main = {part: getattr(self, part) for part in CameraTopics.model_fields}
+        return {CameraRole.FRONT: CameraTopics.model_construct(**main), **self.cameras}
+
+    @property
     def further_images(self) -> list[str]:
         """Topics of colour and depth of the further cameras."""
         return [topic for topics in self.cameras.values() for topic in (topics.color, topics.depth) if topic]
