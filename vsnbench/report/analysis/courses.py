@@ -20,7 +20,9 @@ from vsnbench.results.model import EpisodeRecord
 from vsnbench.results.reading.blinding import blind_episodes
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow
+from vsnbench.results.writing.entries import SequenceLeg
 from vsnbench.sites.site import Site
+from vsnbench.sites.targets import legs_of
 from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ class Course:
     """What the robot collided with; empty for nothing."""
     waiting_s: float | None = None
     """Time at rest without a path, waiting for an answer; None where the robot rests while the model thinks."""
+    legs: tuple[tuple[SequenceLeg, tuple[Pose, ...]], ...] = ()
+    """Goals of a sequence with the poses from where each was given; none for other goals, or if a pose is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,8 @@ class CourseMeasures:
         "time at rest without a path, waiting for an answer", absent="where the robot rests while the model thinks"
     )
     oracle_success: bool | None = quantity(
-        "STOP would have succeeded at the start or after any action before a collision; true for a success",
+        "STOP would have succeeded at the start or after any action before a collision, for each goal of a sequence; "
+        "true for a success",
         absent="if the poses, the site or the goal are unknown",
     )
 
@@ -160,7 +165,7 @@ def _measured(
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
     for row, course, approach in examine(engine, ground, rows, examined):
-        known = _measure(ground, course, approach, float(row["path_m"]), bool(row["success"]))
+        known = _measure(ground, (course, approach), str(row["goal"]), float(row["path_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 
@@ -176,12 +181,17 @@ def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
     """Return the measures of one episode's course."""
     ground, course, approach = course_of(engine, episode)
     path_m = math.nan if episode.path_m is None else episode.path_m
-    return _measure(ground, course, approach, path_m, episode.success is True)
+    return _measure(ground, (course, approach), episode.goal, path_m, episode.success is True)
 
 
 def _measure(
-    ground: CourseMap | None, course: Course | None, approach: Approach | None, path_m: float, succeeded: bool
+    ground: CourseMap | None,
+    seen: tuple[Course | None, Approach | None],
+    goal: str,
+    path_m: float,
+    succeeded: bool,
 ) -> CourseMeasures:
+    course, approach = seen
     poses = course.poses if course else ()
     clearances_m = ground.clearances_m(poses) if ground else ()
     return CourseMeasures(
@@ -190,17 +200,37 @@ def _measure(
         clearance_p5_m=float(np.percentile(clearances_m, 5)) if len(clearances_m) else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
         waiting_s=course.waiting_s if course else None,
-        oracle_success=_oracle_success(course, approach, succeeded),
+        oracle_success=succeeded or _oracle_success(ground, course, approach, goal),
     )
 
 
-def _oracle_success(course: Course | None, approach: Approach | None, succeeded: bool) -> bool | None:
-    """Return whether STOP would have succeeded at any pose; after a collision, none does."""
-    if succeeded:
-        return True
+def _oracle_success(
+    ground: CourseMap | None, course: Course | None, approach: Approach | None, goal: str
+) -> bool | None:
+    """Return whether STOP would have succeeded at any pose before a collision, for each goal of a sequence."""
+    if ground and course and course.legs:
+        reached = oracle_of_legs(ground, course)
+        return None if reached is None else all(reached) and len(reached) == len(legs_of(ground.site, goal))
     if course is None or approach is None:
         return None
     return bool((approach.reached[:-1] if course.touched else approach.reached).any())
+
+
+def oracle_of_legs(ground: CourseMap | None, course: Course | None) -> tuple[bool, ...] | None:
+    """Return for each goal of a sequence that was given whether STOP would have succeeded at any pose on the way to it.
+
+    It is true for a success. None if the site, a goal or a pose is unknown.
+    """
+    if ground is None or course is None or not course.legs:
+        return None
+    reached = []
+    for leg, poses in course.legs:
+        is_last = leg is course.legs[-1][0]
+        flags = ground.reached(leg.goal, poses[:-1] if course.touched and is_last else poses)
+        if flags is None:
+            return None
+        reached.append(leg.success is True or bool(flags.any()))
+    return tuple(reached)
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
@@ -262,6 +292,7 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
                     StepRow.blocked,
                     StepRow.collision_touched,
                     StepRow.movement["waiting_s"].as_float(),
+                    EpisodeRow.legs,
                 ),
             )
             .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
@@ -285,7 +316,22 @@ def _course(rows: Sequence[Any], *, is_blind: bool) -> Course:
             poses.append(start.compose(after))
     touched = next((row[11] for row in reversed(rows) if row[11]), "")
     waited = [row[12] for row in rows if row[12] is not None and not is_blind]
-    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, math.fsum(waited) if waited else None)
+    waiting_s = math.fsum(waited) if waited else None
+    legs = _poses_of_legs(rows[0][13] or (), tuple(poses), len(rows))
+    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, waiting_s, legs)
+
+
+def _poses_of_legs(
+    recorded: Sequence[Mapping[str, Any]], poses: tuple[Pose, ...], steps: int
+) -> tuple[tuple[SequenceLeg, tuple[Pose, ...]], ...]:
+    """Return the goals of a sequence with their poses: each step of such an episode is an action of one goal."""
+    legs, parts, first = [SequenceLeg(**leg) for leg in recorded], [], 0
+    if sum(leg.actions for leg in legs) != steps or len(poses) != steps + 1:
+        return ()
+    for leg in legs:
+        parts.append((leg, poses[first : first + leg.actions + 1]))
+        first += leg.actions
+    return tuple(parts)
 
 
 def _pose(values: Sequence[float | None]) -> Pose | None:
