@@ -70,9 +70,10 @@ def recorded_messages(
         yield FIXED_FRAMES, began_ns, make.odometry_in_site(began_ns, episode.placement.pose)
     for step in steps:
         number, taken_ns = step.number, _nanoseconds(taken_s(episode, step))
-        for role, camera in cameras.items() if directory else ():
-            for topic, time_ns, message in _images(directory, number, taken_ns, role, camera, make):
-                yield _topic(topic, role), time_ns, message
+        if directory is not None:
+            for role, camera in cameras.items():
+                for topic, time_ns, message in _images(directory, number, taken_ns, role, camera, make):
+                    yield _topic(topic, role), time_ns, message
         yield ACTION, taken_ns, make.text("BLOCKED" if step.blocked else step.action)
         moved_ns = _nanoseconds(moved_s(episode, step))
         for time_ns, pose in ((taken_ns, step.observed), (moved_ns, step.after)):

@@ -292,21 +292,22 @@ def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
                     StepRow.blocked,
                     StepRow.collision_touched,
                     StepRow.movement["waiting_s"].as_float(),
-                    EpisodeRow.legs,
                 ),
             )
             .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
             .where(StepRow.episode_id.in_(numbers))
             .order_by(StepRow.episode_id, StepRow.number)
         ).all()
+        sequences = select(EpisodeRow.id, EpisodeRow.legs).where(EpisodeRow.id.in_(numbers))
+        legs = {row.id: row.legs for row in connection.execute(sequences) if row.legs}
         blind = blind_episodes(connection, numbers)
     grouped: dict[int, list[Any]] = {}
     for row in found:
         grouped.setdefault(row[0], []).append(row)
-    return {number: _course(rows, is_blind=number in blind) for number, rows in grouped.items()}
+    return {number: _course(rows, legs.get(number, ()), is_blind=number in blind) for number, rows in grouped.items()}
 
 
-def _course(rows: Sequence[Any], *, is_blind: bool) -> Course:
+def _course(rows: Sequence[Any], legs: Sequence[Mapping[str, Any]], *, is_blind: bool) -> Course:
     start = _pose(rows[0][1:4])
     poses = [start] if start else []
     for row in rows:
@@ -317,8 +318,8 @@ def _course(rows: Sequence[Any], *, is_blind: bool) -> Course:
     touched = next((row[11] for row in reversed(rows) if row[11]), "")
     waited = [row[12] for row in rows if row[12] is not None and not is_blind]
     waiting_s = math.fsum(waited) if waited else None
-    legs = _poses_of_legs(rows[0][13] or (), tuple(poses), len(rows))
-    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, waiting_s, legs)
+    parts = _poses_of_legs(legs, tuple(poses), len(rows))
+    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, waiting_s, parts)
 
 
 def _poses_of_legs(

@@ -308,14 +308,6 @@ class RosCheckup(ABC):
             yield CheckResult("turn", Health.FAILED, error.statement, error.advice)
 
 
-def image_topics(names: RosInterface) -> dict[str, str]:
-    """Return the topics of images: `colour` and `depth` of the main camera, `left colour` and so on of the others."""
-    topics = {"colour": names.color, "depth": names.depth}
-    for role, its in names.cameras.items():
-        topics |= {f"{role} colour": its.color, f"{role} depth": its.depth}
-    return {what: topic for what, topic in topics.items() if topic}
-
-
 def expected_topics(names: RosInterface, others: dict[str, str]) -> dict[str, str]:
     """Return the type of every topic that the robot should publish; `others` are the types of further topics."""
     kinds = {

@@ -14,7 +14,7 @@ from vsnbench.protocol.parameters import DepthGuard
 from vsnbench.robots.checkup.mount import mount_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.interface_kinds import interface_of
-from vsnbench.ros.common.interface import CameraTopics
+from vsnbench.ros.common.interface import CameraTopics, RosInterface
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
@@ -38,6 +38,14 @@ Read = Callable[[str, bytes], Any]
 def image_type(topic: str) -> str:
     """Return the message type of an image topic, by image_transport's naming."""
     return "sensor_msgs/CompressedImage" if is_compressed(topic) else "sensor_msgs/Image"
+
+
+def image_topics(names: RosInterface) -> dict[str, str]:
+    """Return the topics of images: `colour` and `depth` of the main camera, `left colour` and so on of the others."""
+    topics = {"colour": names.color, "depth": names.depth}
+    for role, its in names.cameras.items():
+        topics |= {f"{role} colour": its.color, f"{role} depth": its.depth}
+    return {what: topic for what, topic in topics.items() if topic}
 
 
 def type_advice(wanted: str, found: str) -> str:

@@ -14,10 +14,10 @@ from urllib.parse import urlparse
 
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics, image_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.commanded_turn import turn_timeout_s
-from vsnbench.robots.checkup.images import image_type, type_advice
+from vsnbench.robots.checkup.images import image_topics, image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros.common.messages import planar
 from vsnbench.ros.ros1.graph import graph_faults, server_of

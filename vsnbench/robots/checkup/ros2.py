@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from vsnbench.control.command import Command
 from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.adapters.service import service_results
-from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics, image_topics
+from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.commanded_turn import turn_timeout_s
+from vsnbench.robots.checkup.images import image_topics
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.start import Patience, wait_until_ready
