@@ -147,12 +147,14 @@ class EpisodePanel:
 
     def _draw_further(self, canvas: FrameCanvas, place: int) -> None:
         """Draw the images of the further cameras below that of the main one, each over its role."""
+        strip, count = self._strip, len(self._further)
+        height = strip.height - self._line
+        width = min(strip.width // max(count, 1), round(height * 4 / 3))
         for number, (role, camera) in enumerate(self._further.items()):
-            width = self._strip.width // len(self._further)
-            cell = Area(self._strip.left + number * width, self._strip.top, width, self._strip.height)
-            canvas.paste(camera.picture(place), Area(cell.left, cell.top, width, cell.height - self._line))
-            words = Area(cell.left, cell.top + cell.height - self._line, width, self._line)
-            canvas.write(role, words.inset(self._style.text // 4), round(self._style.text * 0.85), FAINT)
+            left = strip.left + (strip.width - count * width) // 2 + number * width
+            canvas.paste(camera.picture(place), Area(left, strip.top, width, height).inset(2))
+            words = Area(left + 2, strip.top + height, width - 4, self._line)
+            canvas.write(role, words, round(self._style.text * 0.85), FAINT)
 
     def _write_step(self, canvas: FrameCanvas, entry: StepEntry) -> None:
         step, words = entry.step, self._words
