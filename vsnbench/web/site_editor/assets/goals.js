@@ -187,8 +187,8 @@ export class GoalCard {
     entries.forEach((entry, place) => {
       const row = make("li", {}, list);
       const name = entry?.id ?? entry;
-      make("span", { textContent: `${place + 1}. ${name}` }, row);
-      if (field === "images") make("img", { className: "photo", alt: "", src: `/goal-image?file=${encodeURIComponent(name)}` }, row).addEventListener("error", (event) => { event.target.hidden = true; });
+      make("span", { textContent: field === "images" ? `${place + 1}.` : `${place + 1}. ${name}` }, row);
+      if (field === "images") make("img", { className: "photo", alt: name, title: name, src: `/goal-image?file=${encodeURIComponent(name)}` }, row);
       const key = (text, words, to) => {
         const button = make("button", { type: "button", id: idOf(`${field} ${place} ${words}`), className: "key", textContent: text, disabled: to !== null && !(to in entries) }, row);
         button.setAttribute("aria-label", `${place + 1}. ${name}: ${words}`);
