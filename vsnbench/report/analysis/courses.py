@@ -2,8 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,19 +11,18 @@ from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
 from vsnbench.protocol.course import Approach, CourseMap, Stage
+from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.metrics import heading_change_deg_per_m
-from vsnbench.report.analysis.activity import Rows
+from vsnbench.report.analysis.activity import Rows, interventions
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.reading import Course, read_courses
 from vsnbench.results.fields import quantity
 from vsnbench.results.model import EpisodeRecord
-from vsnbench.results.reading.blinding import blind_episodes
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow
-from vsnbench.results.writing.entries import SequenceLeg
+from vsnbench.results.schema.tables import CampaignRow, RobotRow
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import legs_of
-from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,21 +35,6 @@ _PART = 100
 """Courses in memory at a time."""
 MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m", "waiting_s", "oracle_success")
 """Columns of `measure_courses` that have a mean, in the order of `CourseMeasures`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """Poses of one episode in the site's frame: at the start, and after each action with a known pose."""
-
-    poses: tuple[Pose, ...]
-    blocked: tuple[bool, ...]
-    """Whether the guard blocked the action, for every action."""
-    touched: str
-    """What the robot collided with; empty for nothing."""
-    waiting_s: float | None = None
-    """Time at rest without a path, waiting for an answer; None where the robot rests while the model thinks."""
-    legs: tuple[tuple[SequenceLeg, tuple[Pose, ...]], ...] = ()
-    """Goals of a sequence with the poses from where each was given; none for other goals, or if a pose is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,12 +125,7 @@ def measure_courses(
     """
     import pandas as pd
 
-    limit = max(MIN_EXAMINED, MAX_EXAMINED // max(1, len(record.conditions)))
-    chosen = []
-    for condition in record.conditions:
-        rows = record.counted(condition)
-        if len(rows):
-            chosen.append((condition, len(rows), rows.iloc[:: max(1, math.ceil(len(rows) / limit))]))
+    chosen = list(_chosen(record, record.conditions))
     whole, done = sum(len(rows) for _, _, rows in chosen), 0
     found, summaries = [], []
     for condition, counted, rows in chosen:
@@ -158,6 +137,47 @@ def measure_courses(
         found += own
         summaries.append(_summary(condition, counted, own))
     return pd.DataFrame(found, columns=["episode", "stage", *MEASURES]), summaries
+
+
+def _chosen(record: ReportData, conditions: Iterable[Condition]) -> Iterator[tuple[Condition, int, "pd.DataFrame"]]:
+    """Yield the conditions with counted episodes, their number, and those of them that are examined."""
+    limit = max(MIN_EXAMINED, MAX_EXAMINED // max(1, len(record.conditions)))
+    for condition in conditions:
+        rows = record.counted(condition)
+        if len(rows):
+            yield condition, len(rows), rows.iloc[:: max(1, math.ceil(len(rows) / limit))]
+
+
+def with_stacks(engine: Engine, record: ReportData, examined: Examined) -> ReportData:
+    """Return a record with what success tables have of stacks that drive themselves, instead of actions.
+
+    Each episode gets `oracle_success` and `interventions`, both NaN if unknown or of another condition.
+
+    Args:
+        engine: the record.
+        record: its episodes; returned as it is without a stack.
+        examined: receives the examined episodes, as in `measure_courses`.
+    """
+    stacks = [condition for condition in record.conditions if condition.execution == STACK]
+    if not stacks:
+        return record
+    succeeded = {
+        line[0]: line[-1]
+        for condition, _, rows in _chosen(record, stacks)
+        for line in _measured(engine, record, condition, rows, examined)
+    }
+    campaigns = [campaign for condition in stacks for campaign in condition.campaigns]
+    with record_errors(engine), engine.connect() as connection:
+        helped = interventions(connection, campaigns)
+    episodes = record.columns.episode.tolist()
+    theirs = np.isin(record.columns.condition, [condition.number for condition in stacks])
+    return replace(
+        record,
+        columns=record.columns.and_also(
+            oracle_success=np.array([succeeded.get(number) for number in episodes], np.float64),
+            interventions=np.where(theirs, [float(helped.get(number, 0)) for number in episodes], np.nan),
+        ),
+    )
 
 
 def _measured(
@@ -272,70 +292,3 @@ def examine(
                 course = courses.get(number)
                 examined[number] = course, _approach(ground, str(row["goal"]), course)
             yield row, *examined[number]
-
-
-def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
-    """Return the courses of some episodes, by number; none without steps.
-
-    Poses in the site are used as recorded; without them odometry is added to the start pose. The waiting time would
-    reveal the model of a blinded arm.
-    """
-    with record_errors(engine), engine.connect() as connection:
-        found = connection.execute(
-            select(
-                *(StepRow.episode_id, EpisodeRow.start_x_m, EpisodeRow.start_y_m, EpisodeRow.start_heading_rad),
-                *(StepRow.world_x_m, StepRow.world_y_m, StepRow.world_heading_rad),
-                *(
-                    StepRow.after_x_m,
-                    StepRow.after_y_m,
-                    StepRow.after_heading_rad,
-                    StepRow.blocked,
-                    StepRow.collision_touched,
-                    StepRow.movement["waiting_s"].as_float(),
-                ),
-            )
-            .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
-            .where(StepRow.episode_id.in_(numbers))
-            .order_by(StepRow.episode_id, StepRow.number)
-        ).all()
-        sequences = select(EpisodeRow.id, EpisodeRow.legs).where(EpisodeRow.id.in_(numbers))
-        legs = {row.id: row.legs for row in connection.execute(sequences) if row.legs}
-        blind = blind_episodes(connection, numbers)
-    grouped: dict[int, list[Any]] = {}
-    for row in found:
-        grouped.setdefault(row[0], []).append(row)
-    return {number: _course(rows, legs.get(number, ()), is_blind=number in blind) for number, rows in grouped.items()}
-
-
-def _course(rows: Sequence[Any], legs: Sequence[Mapping[str, Any]], *, is_blind: bool) -> Course:
-    start = _pose(rows[0][1:4])
-    poses = [start] if start else []
-    for row in rows:
-        if world := _pose(row[4:7]):
-            poses.append(world)
-        elif start and (after := _pose(row[7:10])):
-            poses.append(start.compose(after))
-    touched = next((row[11] for row in reversed(rows) if row[11]), "")
-    waited = [row[12] for row in rows if row[12] is not None and not is_blind]
-    waiting_s = math.fsum(waited) if waited else None
-    parts = _poses_of_legs(legs, tuple(poses), len(rows))
-    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, waiting_s, parts)
-
-
-def _poses_of_legs(
-    recorded: Sequence[Mapping[str, Any]], poses: tuple[Pose, ...], steps: int
-) -> tuple[tuple[SequenceLeg, tuple[Pose, ...]], ...]:
-    """Return the goals of a sequence with their poses: each step of such an episode is an action of one goal."""
-    legs, parts, first = [SequenceLeg(**leg) for leg in recorded], [], 0
-    if sum(leg.actions for leg in legs) != steps or len(poses) != steps + 1:
-        return ()
-    for leg in legs:
-        parts.append((leg, poses[first : first + leg.actions + 1]))
-        first += leg.actions
-    return tuple(parts)
-
-
-def _pose(values: Sequence[float | None]) -> Pose | None:
-    """Return a recorded pose; None if a number is missing or, from another writer, infinite."""
-    known = [value for value in values if value is not None and math.isfinite(value)]
-    return Pose(*known) if len(known) == len(values) else None

@@ -130,12 +130,12 @@ class EpisodeColumns:
     def __getitem__(self, rows: Rows) -> Self:
         return type(self)(self._columns, self._rows[rows])
 
-    def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
-        """Yield each number and its episodes, in the order of the rows.
+    def and_also(self, **columns: NDArray[Any]) -> Self:
+        """Return the episodes with further columns, with one entry per episode; they are not in `frame`."""
+        return type(self)({**self._columns, **columns}, self._rows)
 
-        Args:
-            numbers: (episodes,) group of each episode.
-        """
+    def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
+        """Yield each number of (episodes,) groups and its episodes, in the order of the rows."""
         order = np.argsort(numbers, kind="stable")
         values, begins = np.unique(numbers[order], return_index=True)
         for value, rows in zip(values.tolist(), np.split(order, begins[1:]), strict=False):

@@ -9,8 +9,9 @@ from sqlalchemy import Engine, select
 from vsnbench.protocol.metrics import spl
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.courses import course_map, oracle_of_legs, read_courses
+from vsnbench.report.analysis.courses import course_map, oracle_of_legs
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.results.reading.read_model import COUNTS
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.tables import EpisodeRow, GoalRow, TrialRow

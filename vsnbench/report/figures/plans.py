@@ -12,8 +12,8 @@ from vsnbench.palette import COLLISION, FAILURE, LIMIT, SUCCESS
 from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Condition, footnotes
-from vsnbench.report.analysis.courses import read_courses
 from vsnbench.report.analysis.episodes_frame import ReportData, goal_order
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.report.analysis.summary import ConditionSummary
 from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from sqlalchemy import Engine, func, select, union_all
 
-from vsnbench.report.analysis.courses import read_courses
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
 from vsnbench.results.files.film import RecordedFrame, film_of
 from vsnbench.results.files.images import further_images
