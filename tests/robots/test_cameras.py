@@ -27,10 +27,8 @@ from vsnbench.models.remote.vsnbench_policy import WireError
 from vsnbench.models.synthetic import synthetic_observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.robots.profiles import profile_path
+from vsnbench.robots.profiles import load_profile, profile_path
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.ros.common.interface import require_interface
-from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
@@ -297,8 +295,10 @@ def test_profiles_without_further_cameras_keep_their_hash() -> None:
     assert TURTLEBOT.model_copy(update={"cameras": {}}).sha256 == TURTLEBOT.sha256 != FOUR.sha256
 
 
-def test_topics_of_a_camera_that_the_profile_lacks_are_refused() -> None:
-    names = {**TURTLEBOT.content()["interface"], "cameras": {"left": {"color": "/left/image"}}}
-    profile = TURTLEBOT.model_copy(update={"interface": Ros1Interface(**names)})
+def test_topics_of_a_camera_that_the_profile_lacks_are_refused(tmp_path: Path) -> None:
+    yaml = YAML()
+    content = yaml.load(profile_path("turtlebot2").read_text(encoding="utf-8"))
+    content["interface"]["cameras"] = {"left": {"color": "/left/image"}}
+    yaml.dump(content, tmp_path / "robot.yaml")
     with pytest.raises(RobotError, match="has topics of a left camera"):
-        require_interface(profile, "ros1", Ros1Interface, "turtlebot2")
+        load_profile(tmp_path / "robot.yaml")

@@ -216,13 +216,6 @@ def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterfac
         RobotError: the profile has another interface or none.
     """
     if isinstance(profile.interface, wanted):
-        if unknown := set(profile.interface.cameras) - set(profile.cameras):
-            raise RobotError(
-                f"robot profile {profile.name} has topics of a {min(unknown)} camera in interface.cameras, but no such "
-                "camera in cameras",
-                advice=f"state its image and mount: cameras: {{{min(unknown)}: ...}}",
-                code="wrong-interface",
-            )
         return profile.interface.resolved()
     raise RobotError(
         f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface",
