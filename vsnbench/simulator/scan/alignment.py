@@ -81,8 +81,8 @@ def align_scan(mesh: ScanMesh, up: str, metres_per_unit: float) -> tuple[ScanMes
     splats = mesh.splats
     if splats is not None:
         places = splats.centres * metres_per_unit
-        inside = np.asarray((places > low - margin_m) & (places < high + margin_m))
-        splats = splats.chosen(inside.all(axis=1))
+        inside = np.asarray(((places > low - margin_m) & (places < high + margin_m)).all(axis=1))
+        splats = splats.chosen(inside)
         splats = splats.moved(transformation[:3, :3], shift)
     scan = ScanMesh(aligned, colors=mesh.colors, textures=mesh.textures, splats=splats, **values)
     return scan, transformation
