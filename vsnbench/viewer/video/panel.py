@@ -1,5 +1,6 @@
 """The part of a frame that shows one episode: camera, floor plan, action, and at the end the verdict."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -42,20 +43,26 @@ class _Shot:
     """Index of the step that the robot takes."""
     poses: int
     """Number of poses of the driven path until then."""
+    cameras: Mapping[str, bytes | None]
+    """Latest images of the further cameras, by role."""
 
 
 def _shots_of(start: Pose, entries: list[StepEntry]) -> tuple[list[_Shot], list[Pose]]:
     """Return the frames of an episode and its path: one per step, or the first and its film where it has one."""
     if not any(entry.film for entry in entries):
         path = driven_path(start, (entry.step for entry in entries))
-        return [_Shot(entry.rgb_jpeg, k, k + 1) for k, entry in enumerate(entries)], path
-    shots, path = [_Shot(entries[0].rgb_jpeg, 0, 1)], [start]
+        return [_Shot(entry.rgb_jpeg, k, k + 1, _further(entry)) for k, entry in enumerate(entries)], path
+    shots, path = [_Shot(entries[0].rgb_jpeg, 0, 1, _further(entries[0]))], [start]
     for k, entry in enumerate(entries):
         for frame in entry.film:
             path.append(frame.moment.pose)
-            shots.append(_Shot(frame.rgb_jpeg, k, len(path)))
+            shots.append(_Shot(frame.rgb_jpeg, k, len(path), _further(entry)))
         path.append(driven_path(path[-1], [entry.step])[-1] if entry.step.world is not None else path[-1])
     return shots, path
+
+
+def _further(entry: StepEntry) -> dict[str, bytes | None]:
+    return {role: rgb for role, (rgb, _) in entry.cameras.items()}
 
 
 class EpisodePanel:
@@ -77,7 +84,9 @@ class EpisodePanel:
                 code="no-images",
             )
         self._shots, self._path = _shots_of(replay.header.begin.pose, self._steps)
-        self._camera = _Camera(self._shots)
+        roles = sorted({role for shot in self._shots for role in shot.cameras}) if style.details else []
+        self._camera = _Camera([shot.jpeg for shot in self._shots])
+        self._further = {role: _Camera([shot.cameras.get(role) for shot in self._shots]) for role in roles}
         title, line = round(style.text * 2.2), round(style.text * 1.7)
         self._title = Area(area.left + style.text, area.top, area.width - 2 * style.text, title)
         body = Area(area.left, area.top + title, area.width, area.height - title)
@@ -97,7 +106,10 @@ class EpisodePanel:
             left = body.height - seen.height - 2 * line
             plan = Area(body.left, body.top + seen.height, body.width // 2, left)
             words = Area(body.left + plan.width, plan.top, body.width - plan.width, left)
-        self._picture, self._plan_area = seen, plan.inset(style.text // 2)
+        strip = round(seen.height * 0.3) if roles else 0
+        self._picture = Area(seen.left, seen.top, seen.width, seen.height - strip)
+        self._strip = Area(seen.left, seen.top + self._picture.height, seen.width, strip)
+        self._plan_area = plan.inset(style.text // 2)
         self._words = words.inset(style.text // 2)
         header = replay.header
         self._plan = PlanPicture(
@@ -117,8 +129,10 @@ class EpisodePanel:
         header = self._replay.header
         title = f"{header.goal} from start {header.start_number} · {header.model}"
         canvas.write(title, self._title, self._style.text, bold=True)
-        canvas.paste(self._camera.picture(min(frame, len(self._shots) - 1)), self._picture)
+        place = min(frame, len(self._shots) - 1)
+        canvas.paste(self._camera.picture(place), self._picture)
         if self._style.details:
+            self._draw_further(canvas, place)
             path = self._path[: len(self._path) if is_end else shot.poses]
             color = self._result()[1] if is_end else PATH_RGB
             canvas.paste(self._plan.draw(path, color), self._plan_area)
@@ -130,6 +144,17 @@ class EpisodePanel:
             most = "" if limit is None else f" of at most {limit}"
             done = self._banner.inset(self._line // 2)
             canvas.write(f"{'answer' if limit is None else 'action'} {number + 1}{most}", done, self._style.text, FAINT)
+
+    def _draw_further(self, canvas: FrameCanvas, place: int) -> None:
+        """Draw the images of the further cameras below that of the main one, each over its role."""
+        strip, count = self._strip, len(self._further)
+        height = strip.height - self._line
+        width = min(strip.width // max(count, 1), round(height * 4 / 3))
+        for number, (role, camera) in enumerate(self._further.items()):
+            left = strip.left + (strip.width - count * width) // 2 + number * width
+            canvas.paste(camera.picture(place), Area(left, strip.top, width, height).inset(2))
+            words = Area(left + 2, strip.top + height, width - 4, self._line)
+            canvas.write(role, words, round(self._style.text * 0.85), FAINT)
 
     def _write_step(self, canvas: FrameCanvas, entry: StepEntry) -> None:
         step, words = entry.step, self._words
@@ -174,8 +199,8 @@ class EpisodePanel:
 class _Camera:
     """Decodes the colour images of an episode; a missing or damaged one repeats the last."""
 
-    def __init__(self, shots: list[_Shot]) -> None:
-        self._shots = shots
+    def __init__(self, files: list[bytes | None]) -> None:
+        self._files = files
         self._number = -1
         self._shown: Image = np.full((48, 64, 3), _MISSING_RGB, np.uint8)
 
@@ -183,7 +208,7 @@ class _Camera:
         """Return the image of a frame, (H, W, 3) RGB."""
         if number != self._number:
             self._number = number
-            jpeg = self._shots[number].jpeg
+            jpeg = self._files[number]
             bgr = decode_picture(jpeg, cv2.IMREAD_COLOR) if jpeg else None
             if bgr is not None:
                 self._shown = np.ascontiguousarray(bgr[..., ::-1])
