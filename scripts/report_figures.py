@@ -26,8 +26,9 @@ NAMES = {
     "success-by-goal": "success-by-goal",
     "success-map": "success-map",
     "trajectories-1": "trajectories-vlv",
+    "trajectories-2": "trajectories-random",
 }
-"""Figure of the report -> name in docs/figures; vlv is the first model."""
+"""Figure of the report -> name in docs/figures; vlv and random are the first models."""
 
 
 def save_small(picture: Path, name: str) -> None:
