@@ -395,7 +395,7 @@ LONG = {
     ),
     **_of(
         "report/test_figure_layout.py",
-        "report/test_figure_layout.py::test_every_condition_is_in_some_figure_and_what_is_left_out_is_said",
+        "report/test_figure_layout.py::test_success_and_failure_end_at_their_shares_of_all_episodes",
         "test_nothing_is_cut_off_and_no_words_lie_over_others",
     ),
     **_of(
@@ -602,7 +602,7 @@ LONG = {
     ),
     **_of(
         "cli/running/test_place.py",
-        "localization/test_matching.py::test_a_bare_wall_does_not_determine_left_and_right_but_a_turn_does",
+        "runner/episode/test_stop_measurement.py::test_facing_a_bare_wall_the_place_along_it_is_unknown_and_the_odometry_stays",
         "test_an_ambiguous_look_suggests_the_next_command_which_determines_the_pose",
     ),
     **_of(
@@ -667,7 +667,7 @@ LONG = {
     ),
     **_of(
         "robots/test_ros1_network.py",
-        "robots/test_ros1_network.py::test_a_restarted_master_is_reported_at_once",
+        "robots/test_ros1.py, ros/ros1/test_service_call.py",
         "test_a_server_that_drives_too_far_is_stopped_after_10_cm",
         "test_a_server_that_steers_another_topic_is_refused_with_both_topics",
     ),
@@ -1047,5 +1047,130 @@ LONG = {
         "robots/test_ros1_run.py",
         "runner/operator/test_terminal.py",
         "test_without_a_terminal_a_robot_that_needs_an_operator_is_refused",
+    ),
+    # Some live tests of each generation of ROS stay; the other generation, or code without a graph, tests the rest.
+    **_of(
+        "ros/ros2/test_drive.py",
+        "robots/test_ros1_drive.py",
+        "test_a_movement_ends_where_it_was_asked_to[workstation-waypoint]",
+        "test_a_fault_of_the_base_ends_a_movement_in_flight[workstation-waypoint-silent]",
+        "test_a_fault_of_the_base_ends_a_movement_in_flight[workstation-velocity-stuck]",
+        "test_a_silent_camera_blocks_a_movement_in_flight[workstation-waypoint]",
+        "test_a_fault_of_the_base_ends_driving_on[next to the base-bumper]",
+    ),
+    **_of(
+        "ros/ros2/test_faults.py",
+        "robots/test_ros1.py",
+        "test_a_fault_in_a_movement_stops_the_base[workstation-silent-no odometry-True]",
+        "test_a_fault_in_a_movement_stops_the_base[next to the base-bumper-bumper-False]",
+        "test_a_fault_in_a_movement_stops_the_base[next to the base-stuck-the base does not follow its commands-False]",
+        "test_another_publisher_ends_a_movement_at_once[workstation]",
+        "test_a_camera_that_fails_is_a_lost_sensor[blind-no-image-workstation]",
+        "test_a_killed_discrete_move_is_detected_and_a_restarted_one_moves[next to the base]",
+    ),
+    **_of(
+        "ros/ros2/test_run.py",
+        "ros/ros2/test_run.py::test_a_killed_run_leaves_a_robot_at_rest, robots/test_rehearsal.py",
+        "test_the_rehearsal_takes_the_same_actions_as_the_simulation",
+    ),
+    **_of(
+        "ros/ros2/test_hazard_topics.py",
+        "cli/robots/test_doctor_hazards.py",
+        "test_doctor_and_a_session_say_that_a_bumper_topic_is_misspelt",
+    ),
+    **_of(
+        "ros/ros2/test_calibration.py",
+        "robots/test_calibration.py",
+        "test_a_profile_is_corrected_over_ros2[raw]",
+        "test_the_doctor_looks_at_the_camera_over_ros2[finds_the_camera_askew]",
+    ),
+    **_of(
+        "ros/ros2/test_doctor.py",
+        "cli/robots/test_doctor.py",
+        "test_doctor_fails_with_bad_odometry_or_a_pressed_bumper[bumper-the base reports: bumper]",
+    ),
+    **_of(
+        "ros/ros2/test_other_vendor.py",
+        "ros/ros2/test_exchange.py",
+        "test_a_robot_of_another_vendors_dds_sees_and_drives",
+    ),
+    **_of(
+        "robots/test_ros1_network.py",
+        "ros/ros1/test_service_call.py, ros/ros1/test_master.py",
+        "test_a_server_that_replaces_ours_is_another_campaign",
+        "test_a_second_server_of_another_name_is_refused_and_names_the_first",
+        "test_a_restarted_master_is_reported_at_once",
+    ),
+    **_of(
+        "robots/test_ros1_drive.py",
+        "ros/ros2/test_drive.py",
+        "test_a_movement_ends_where_it_was_asked_to[trajectory]",
+    ),
+    # What is looked at in a browser, and is tested in one process too.
+    **_of(
+        "web/driver/test_driver_page_in_browser.py",
+        "web/driver/test_driver_page.py",
+        "test_the_page_says_when_the_run_is_gone",
+    ),
+    **_of(
+        "web/results_browser/test_website.py",
+        "web/results_browser/test_website.py::test_episodes_open_as_files",
+        "test_films_play_from_files",
+        "test_pictures_are_left_out_until_a_single_file_fits",
+    ),
+    **_of(
+        "cli/running/test_run_with_a_person.py",
+        "runner/operator/test_prompts.py, runner/operator/test_answers.py",
+        "test_what_a_person_types_is_the_verdict_and_enter_is_none",
+    ),
+    **_of(
+        "localization/test_matching.py",
+        "runner/episode/test_stop_measurement.py::test_facing_a_bare_wall_the_place_along_it_is_unknown_and_the_odometry_stays",
+        "test_a_bare_wall_does_not_determine_left_and_right_but_a_turn_does",
+    ),
+    **_of(
+        "localization/test_matching.py",
+        "robots/test_pitching_body.py",
+        "test_each_look_of_a_body_that_leans_has_its_own_camera",
+    ),
+    **_of(
+        "runner/episode/test_stop_measurement.py",
+        "runner/episode/test_stop_measurement.py::test_after_stop_a_robot_is_judged_by_the_pose_that_its_images_determine",
+        "test_a_person_can_ask_during_a_trial_where_the_robot_is",
+    ),
+    **_of(
+        "report/test_figure_layout.py",
+        "report/test_figure_layout.py::test_success_and_failure_end_at_their_shares_of_all_episodes",
+        "test_every_condition_is_in_some_figure_and_what_is_left_out_is_said",
+    ),
+    **_of(
+        "cli/results/test_report.py",
+        "report/test_forms.py",
+        "test_each_table_is_a_file_to_paste_and_is_chosen_by_name",
+    ),
+    **_of(
+        "cli/running/test_stress.py",
+        "report/comparison/test_stress.py, golden/test_golden.py",
+        "test_trials_of_another_goal_in_the_record_are_neither_done_nor_in_the_result",
+    ),
+    **_of(
+        "interop/test_merge.py",
+        "results/merging/test_studies.py, interop/test_merge_files.py",
+        "test_a_file_becomes_part_of_a_servers_record_and_comes_back",
+    ),
+    **_of(
+        "cli/test_sweep.py",
+        "runner/setup/test_sweep.py",
+        "test_a_sweep_is_run_reported_and_gone_on_with_like_any_run",
+    ),
+    **_of(
+        "cli/judging/test_second_judge.py",
+        "web/second_judgement/test_second_judgement_app.py",
+        "test_answers_by_number_are_reported_with_their_differences",
+    ),
+    **_of(
+        "models/remote/test_sessions.py",
+        "models/remote/test_checking.py",
+        "test_models_check_finds_sessions_that_mix",
     ),
 }

@@ -104,9 +104,11 @@ def _modules_with(name: str) -> Iterator[tuple[str, Path]]:
         return
     installed = any(part in ("site-packages", "dist-packages") for part in own.parts)
     alone = not installed and not hasattr(sys.modules.get(top), "__path__")
-    for other, module in list(sys.modules.items()):
-        file = None if other == "__main__" else file_of_module(module)
-        if file is not None and (other.partition(".")[0] == top or (alone and file.parent == own.parent)):
+    for other, module in list(sys.modules.items()):  # some thousands: what their names decide is asked first
+        mine = other.partition(".")[0] == top
+        near = mine or (alone and str(getattr(module, "__file__", "")).startswith(str(own.parent)))
+        file = file_of_module(module) if near and other != "__main__" else None
+        if file is not None and (mine or file.parent == own.parent):
             yield other, file
 
 

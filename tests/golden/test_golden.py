@@ -18,7 +18,7 @@ def test_outputs_are_as_they_were(tmp_path: Path) -> None:
 
 
 def test_a_few_trials_are_as_they_were(tmp_path: Path) -> None:
-    runs = ("oracle --starts 1-5", "pirlnav --starts 1-2", "vlv --starts 1")
+    runs = ("oracle --starts 1-2", "pirlnav --starts 1", "vlv --starts 1")
     now = trials.collect(tmp_path, tuple(f"run --goal chair --workers 1 --model {words}" for words in runs))
     before = frozen("trials")
     assert {name: before[name] for name in now if "campaign key" not in name} == {

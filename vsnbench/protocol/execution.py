@@ -132,6 +132,15 @@ def text_of_execution(protocol: Mapping[str, Any]) -> str:
     return f"{CONTINUOUS}, {'measured latency' if latency_s is None else f'latency {latency_s:g} s'}"
 
 
+def time_limit_s(max_time_s: float | None, max_actions: int | None, *, drives_on: bool) -> float | None:
+    """Return the time on the robot's clock after which an episode ends; None for no limit.
+
+    The number of answers of an episode in which the robot drives on depends on the latency, and is not limited: it ends
+    at the latest after `SECONDS_PER_ACTION` for each action of `max_actions`.
+    """
+    return SECONDS_PER_ACTION * max_actions if max_time_s is None and max_actions and drives_on else max_time_s
+
+
 def execution_of(protocol: Mapping[str, Any]) -> str:
     """Return how trials under recorded parameters were executed, in one word."""
     execution = protocol.get("execution") if isinstance(protocol, Mapping) else None

@@ -17,12 +17,12 @@ from pydantic import (
 from vsnbench.errors import UsageError
 from vsnbench.protocol.execution import (
     CONTINUOUS,
-    SECONDS_PER_ACTION,
     STACK,
     STACK_FRAMES_HZ,
     STACK_RATE_HZ,
     STOP_AND_GO,
     Execution,
+    time_limit_s,
 )
 from vsnbench.values.action import Action
 from vsnbench.values.movement import Move
@@ -170,14 +170,8 @@ class ProtocolParameters(BaseModel):
 
     @property
     def time_limit_s(self) -> float | None:
-        """Time on the robot's clock after which an episode ends; None for no limit.
-
-        The number of answers of a continuous episode depends on the latency, and is not limited. It ends at the latest
-        after `SECONDS_PER_ACTION` for each action of `max_actions`.
-        """
-        if self.max_time_s is None and self.execution is not None:
-            return SECONDS_PER_ACTION * self.max_actions
-        return self.max_time_s
+        """Time on the robot's clock after which an episode ends (`execution.time_limit_s`); None for no limit."""
+        return time_limit_s(self.max_time_s, self.max_actions, drives_on=self.execution is not None)
 
     @property
     def action_limit(self) -> int | None:

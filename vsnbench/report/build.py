@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
+from vsnbench.protocol.execution import STACK
 from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_legs, read_robots, read_stops
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
@@ -51,10 +52,19 @@ def read(url: str, selection: Selection, results_directory: Path | None = None) 
 
 
 def _read(
-    engine: Engine, selection: Selection, results_directory: Path | None, *, for_success: bool = False
+    engine: Engine,
+    selection: Selection,
+    results_directory: Path | None,
+    examined: "Examined | None" = None,
+    *,
+    for_success: bool = False,
 ) -> ReportData:
     record = read_report_data(engine, selection, results_directory, for_success=for_success)
     if record.conditions and record.planned:
+        if any(condition.execution == STACK for condition in record.conditions):
+            from vsnbench.report.analysis.courses import with_stacks
+
+            record = with_stacks(engine, record, {} if examined is None else examined)
         return replace(record, legs=read_legs(engine, record))
     everything = read_report_data(engine, Selection(), results_directory, for_success=True)
     if not everything.conditions:
@@ -216,9 +226,9 @@ def build(
         # Submitted before the record is opened, because a forked process must not inherit the connection.
         counting = counter.submit(_actions, url, selection)
         with open_record(url) as engine:
-            record = _read(engine, selection, results_directory)
-            results = summarise(record)
             examined: Examined = {}
+            record = _read(engine, selection, results_directory, examined)
+            results = summarise(record)
             measured, courses = measure_courses(engine, record, examined=examined)
             record = replace(record, courses=measured)
             report = Report(

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from vsnbench import __version__
 from vsnbench.protocol.disturbances import text_of_conditions
-from vsnbench.report.analysis.conditions import Selection
+from vsnbench.protocol.execution import STOP_AND_GO, text_of_execution
+from vsnbench.report.analysis.conditions import Condition, Selection
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.episodes_frame import ReportData, goal_order
 from vsnbench.report.analysis.summary import ConditionSummary, ReportResults, summarise
@@ -107,10 +108,15 @@ def _conditions(results: ReportResults) -> Item:
     return "Experimental conditions", True, words, (_PRACTICE, _LBM)
 
 
+def _executed(condition: Condition) -> str:
+    """Return the name of the protocol, and the execution if the robot does not rest between answers."""
+    how = f" ({text_of_execution(condition.protocol)})" if condition.execution != STOP_AND_GO else ""
+    return (condition.protocol_name or "unknown") + how
+
+
 def _criteria(record: ReportData) -> Item:
     words = []
-    for protocol in dict.fromkeys(condition.protocol_name for condition in record.conditions):
-        condition = next(known for known in record.conditions if known.protocol_name == protocol)
+    for condition in {(known.protocol_name, known.execution): known for known in reversed(record.conditions)}.values():
         limits = [
             f"{limit:g} {unit}"
             for limit, unit in (
@@ -123,7 +129,7 @@ def _criteria(record: ReportData) -> Item:
         within = condition.success_distance_m
         near = f"under {within:g} m from the goal" if within is not None else "at the goal"
         words.append(
-            f"Protocol {protocol or 'unknown'}: success is STOP {near} without a collision, before the limit of "
+            f"Protocol {_executed(condition)}: success is STOP {near} without a collision, before the limit of "
             f"{listed(limits)}. The rules are in the record, and only equal ones are pooled."
         )
     return "Criteria of success", bool(record.conditions), words, (_PRACTICE, _NAVIGATION)

@@ -75,7 +75,9 @@ def test_a_good_model_is_shown_with_its_film_and_the_next_command(typed: Typed, 
 
 def test_a_model_that_turns_for_ever_may_have_a_wrong_unit(tried) -> None:
     millimetres = "if (observation.depth_m < 500).any():\n    return Decision(Action.TURN_LEFT)\n"
-    answer = tried("inmm.py", policy("InMillimetres", f"{millimetres}return Decision(Action.MOVE_FORWARD)"))
+    answer = tried(
+        "inmm.py", policy("InMillimetres", f"{millimetres}return Decision(Action.MOVE_FORWARD)"), "--starts", "1"
+    )
     words = words_of(answer)
     assert answer.code == 0, "a failed search is not a failed check"
     assert "failure, turned in circles" in words
@@ -98,11 +100,16 @@ from vsnbench.models.baselines.oracle import Oracle
 from vsnbench import Action, Decision
 
 class Unstoppable(Oracle):
+    def reset(self, goal, seed):
+        super().reset(goal, seed)
+        self.there = False
+
     def act(self, observation):
-        decision = super().act(observation)
-        return Decision(Action.TURN_LEFT) if decision.action is Action.STOP else decision
+        decision = Decision(Action.TURN_LEFT) if self.there else super().act(observation)
+        self.there = self.there or decision.action is Action.STOP
+        return Decision(Action.TURN_LEFT) if self.there else decision
 """
-    words = words_of(tried("unstoppable.py", driven, "--goal", "bed"))
+    words = words_of(tried("unstoppable.py", driven, "--goal", "bed", "--starts", "1"))
     assert "failure, reached, did not stop" in words
     assert "STOP would have succeeded from action" in words
     assert "to do it never answers STOP: answer Action.STOP within 1 m of the goal" in words

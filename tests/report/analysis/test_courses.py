@@ -15,8 +15,10 @@ from vsnbench.report.analysis.courses import measure_courses, measures_of
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import build, read
 from vsnbench.report.comparison.compare import compare
+from vsnbench.report.tables.success import SUMMARY
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
+from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.sites.site import load_site
 from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
@@ -52,6 +54,12 @@ def attempt(start: int, *, success: bool, remaining_m: float = 0.0, ends: Pose =
         end_reason=EndReason.STOP if success else EndReason.STEP_LIMIT,
         begins=LIVING,
     )
+
+
+def reaching() -> Pose:
+    """Return a pose from where STOP succeeds."""
+    point = success_region(load_site("apartment"), "bed", ProtocolParameters()).representative_point()
+    return Pose(point.x, point.y)
 
 
 def test_every_counted_episode_is_measured_and_summed_up(lab: Lab) -> None:
@@ -138,8 +146,7 @@ def test_progress_is_compared_by_whole_starting_positions(lab: Lab) -> None:
 def test_oracle_success_is_that_stop_would_have_succeeded_on_the_way(
     lab: Lab, places: tuple[Pose | str, ...], touched: str, expected: bool
 ) -> None:
-    reaching = success_region(load_site("apartment"), "bed", ProtocolParameters()).representative_point()
-    steps = walk(*(Pose(reaching.x, reaching.y) if place == "goal" else place for place in places))
+    steps = walk(*(reaching() if place == "goal" else place for place in places))
     if touched:
         collision = Collision(CollisionSource.CONTACT, touched)
         steps[-1] = replace(steps[-1], result=replace(steps[-1].result, completed=False, collision=collision))
@@ -149,3 +156,23 @@ def test_oracle_success_is_that_stop_would_have_succeeded_on_the_way(
     assert found["oracle_success"].tolist() == [expected, True]
     assert summary["mean_oracle_success"] == (1 + expected) / 2
     assert measures_of(lab.engine(), episode_record(lab.engine(), 1)).oracle_success is expected
+
+
+@pytest.mark.parametrize("activity", [True, False])
+def test_a_stack_has_oracle_success_and_interventions_instead_of_actions(lab: Lab, activity: bool) -> None:
+    attempts = [attempt(1, success=True), attempt(2, success=False, ends=reaching()), attempt(3, success=False)]
+    lab.write(attempts, model="stack", protocol=ProtocolParameters().driven_by_stack())
+    lab.write(attempts, model="vlv")
+    with lab.journal() as journal:
+        for number in (2, 2, 5):
+            journal.add_event(INTERVENTION, "moved by hand", episode_id=number)
+    report = build(lab.url, Selection(), activity=activity)
+    stack, model = (table for table in report.tables() if table.name.startswith("goals-"))
+    cells = dict(zip([column.heading for column in stack.columns], stack.rows[0].cells, strict=True))
+    assert (cells["oracle SR %"].text, cells["interv."].text) == ("66.67", "2")
+    assert "actions" not in cells
+    names = {column.heading for column in model.columns}
+    assert "actions" in names
+    assert not names & {"oracle SR %", "interv."}
+    fields = [SUMMARY.fields(summary.total) for summary in report.results.conditions]
+    assert [(found["oracle_success"], found["interventions"]) for found in fields] == [(2 / 3, 2), (None, None)]

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests.report.records import Attempt, Lab, step
+from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.judge import EndReason, Verdict
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.failures import FailureKind, read_failures
@@ -57,6 +59,21 @@ def test_rates_are_counted_anew_under_other_rules(lab: Lab) -> None:
         "missing trials all fail": (2, 7),
         "missing trials all succeed": (4, 7),
     }
+
+
+@pytest.mark.parametrize(
+    "protocol",
+    [ProtocolParameters().driven_by_stack(), ProtocolParameters().executed(Execution(latency_s=0.3, frames_hz=5))],
+    ids=["stack", "continuous"],
+)
+def test_a_robot_that_drives_on_has_no_limit_of_actions(lab: Lab, protocol: ProtocolParameters) -> None:
+    lab.write([Attempt(start=start, actions=400, distance_m=0.4) for start in (1, 2, 3)], protocol=protocol)
+    record, summary = only(lab)
+    assert {known.label: known.proportion.successes for known in sensitivity(record, summary)} == {
+        "as judged": 3,
+        **{f"success under {within_m} m": 3 for within_m in ("0.5", "0.75", "1.25", "1.5")},
+    }
+    assert (summary.condition.max_actions, summary.condition.max_time_s) == (None, 300.0)
 
 
 def test_no_threshold_reaches_through_a_wall(lab: Lab) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.runner.stand_ins import PROFILE
@@ -119,6 +119,7 @@ def test_a_look_in_which_the_region_has_depth_begins_anew() -> None:
         turn(watch, 30)
 
 
+@settings(max_examples=settings.default.max_examples // 4)
 @example(sofas=[(43.5, 164.5, 1.0), (-112.5, 14.5, 1.0)], turns_deg=[-30, -90, -90, -30, -30, -30, -30])
 @given(
     sofas=st.lists(

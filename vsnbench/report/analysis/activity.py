@@ -106,7 +106,7 @@ def read_robots(engine: Engine, record: ReportData) -> Rows:
             .where(CampaignRow.id.in_(campaigns))
             .order_by(RobotRow.id, CampaignRow.id)
         ).all()
-        written = _written(connection, campaigns)
+        written = interventions(connection, campaigns)
     own: dict[tuple[int, str, str, bool], list[int]] = {}
     for number, name, title, simulated, campaign in robots:
         own.setdefault((number, name, title, simulated), []).append(campaign)
@@ -122,8 +122,8 @@ def read_robots(engine: Engine, record: ReportData) -> Rows:
     return tuple(activity)
 
 
-def _written(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:
-    """Return the number of intervention events by episode of these campaigns."""
+def interventions(connection: Connection, campaigns: Sequence[int]) -> dict[int, int]:
+    """Return the number of recorded interventions by episode of these campaigns; only episodes that have some."""
     rows = connection.execute(
         select(EventRow.episode_id, func.count())
         .join(EpisodeRow, EpisodeRow.id == EventRow.episode_id)

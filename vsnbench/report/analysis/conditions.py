@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
-from vsnbench.protocol.execution import STACK, STOP_AND_GO, execution_of, text_of_execution
+from vsnbench.protocol.execution import STACK, STOP_AND_GO, execution_of, text_of_execution, time_limit_s
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
 from vsnbench.values.action import ActionKind
 from vsnbench.values.model.person import driver_of_model
@@ -119,8 +119,8 @@ class Condition:
 
     @property
     def max_actions(self) -> int | None:
-        """Maximum number of actions; None if the protocol has none."""
-        return self.protocol.get("max_actions")
+        """Maximum number of actions; None if the protocol has none, or the robot does not rest between them."""
+        return self.protocol.get("max_actions") if self.execution == STOP_AND_GO else None
 
     @property
     def protocol_name(self) -> str:
@@ -130,7 +130,8 @@ class Condition:
     @property
     def max_time_s(self) -> float | None:
         """Maximum time on the robot's clock; None for no limit."""
-        return self.protocol.get("max_time_s")
+        limits = self.protocol.get("max_time_s"), self.protocol.get("max_actions")
+        return time_limit_s(*limits, drives_on=self.execution != STOP_AND_GO)
 
     @property
     def max_path_m(self) -> float | None:
@@ -152,7 +153,7 @@ class Condition:
             f"site {self.site}",
             f"protocol {self.protocol_name}" if self.protocol_name not in ("", PAPER_PROTOCOL) else "",
             text_of_execution(self.protocol) if self.execution != STOP_AND_GO else "",
-            f"at most {self.max_actions} actions" if self.max_actions and self.execution == STOP_AND_GO else "",
+            f"at most {self.max_actions} actions" if self.max_actions else "",
             f"at most {self.max_time_s:g} s" if self.max_time_s is not None else "",
             f"at most {self.max_path_m:g} m of path" if self.max_path_m is not None else "",
             f"success under {self.success_distance_m:g} m" if self.success_distance_m is not None else "",

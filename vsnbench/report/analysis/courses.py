@@ -2,8 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from sqlalchemy import Engine, select
 
 from vsnbench.errors import SiteError
 from vsnbench.protocol.course import Approach, CourseMap, Stage
+from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.metrics import heading_change_deg_per_m
-from vsnbench.report.analysis.activity import Rows
+from vsnbench.report.analysis.activity import Rows, interventions
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.results.fields import quantity
@@ -136,12 +137,7 @@ def measure_courses(
     """
     import pandas as pd
 
-    limit = max(MIN_EXAMINED, MAX_EXAMINED // max(1, len(record.conditions)))
-    chosen = []
-    for condition in record.conditions:
-        rows = record.counted(condition)
-        if len(rows):
-            chosen.append((condition, len(rows), rows.iloc[:: max(1, math.ceil(len(rows) / limit))]))
+    chosen = list(_chosen(record, record.conditions))
     whole, done = sum(len(rows) for _, _, rows in chosen), 0
     found, summaries = [], []
     for condition, counted, rows in chosen:
@@ -153,6 +149,47 @@ def measure_courses(
         found += own
         summaries.append(_summary(condition, counted, own))
     return pd.DataFrame(found, columns=["episode", "stage", *MEASURES]), summaries
+
+
+def _chosen(record: ReportData, conditions: Iterable[Condition]) -> Iterator[tuple[Condition, int, "pd.DataFrame"]]:
+    """Yield the conditions with counted episodes, their number, and those of them that are examined."""
+    limit = max(MIN_EXAMINED, MAX_EXAMINED // max(1, len(record.conditions)))
+    for condition in conditions:
+        rows = record.counted(condition)
+        if len(rows):
+            yield condition, len(rows), rows.iloc[:: max(1, math.ceil(len(rows) / limit))]
+
+
+def with_stacks(engine: Engine, record: ReportData, examined: Examined) -> ReportData:
+    """Return a record with what success tables have of stacks that drive themselves, instead of actions.
+
+    Each episode gets `oracle_success` and `interventions`, both NaN if unknown or of another condition.
+
+    Args:
+        engine: the record.
+        record: its episodes; returned as it is without a stack.
+        examined: receives the examined episodes, as in `measure_courses`.
+    """
+    stacks = [condition for condition in record.conditions if condition.execution == STACK]
+    if not stacks:
+        return record
+    succeeded = {
+        line[0]: line[-1]
+        for condition, _, rows in _chosen(record, stacks)
+        for line in _measured(engine, record, condition, rows, examined)
+    }
+    campaigns = [campaign for condition in stacks for campaign in condition.campaigns]
+    with record_errors(engine), engine.connect() as connection:
+        helped = interventions(connection, campaigns)
+    episodes = record.columns.episode.tolist()
+    theirs = np.isin(record.columns.condition, [condition.number for condition in stacks])
+    return replace(
+        record,
+        columns=record.columns.and_also(
+            oracle_success=np.array([succeeded.get(number) for number in episodes], np.float64),
+            interventions=np.where(theirs, [float(helped.get(number, 0)) for number in episodes], np.nan),
+        ),
+    )
 
 
 def _measured(

@@ -130,6 +130,10 @@ class EpisodeColumns:
     def __getitem__(self, rows: Rows) -> Self:
         return type(self)(self._columns, self._rows[rows])
 
+    def and_also(self, **columns: NDArray[Any]) -> Self:
+        """Return the episodes with further columns, with one entry per episode; they are not in `frame`."""
+        return type(self)({**self._columns, **columns}, self._rows)
+
     def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
         """Yield each number and its episodes, in the order of the rows.
 

@@ -197,7 +197,8 @@ def _in_words(row: Any, course: Course | None, approach: Approach | None) -> str
     ended = str(row["end_reason"]).replace("_", " ")
     path = f" over {row['path_m']:.1f} m" if math.isfinite(row["path_m"]) else ""
     start = f" from starting position {row['start']}" if row["start"] else ""
-    parts = [f"{row['goal']}{start}: {counted(int(row['actions']), 'action')}{path}, ended by {ended}"]
+    actions = f" {counted(int(row['actions']), 'action')}" if math.isfinite(row["actions"]) else ""  # a stack has none
+    parts = [f"{row['goal']}{start}:{actions}{path}, ended by {ended}"]
     if math.isfinite(row["distance_m"]):
         parts.append(f"{row['distance_m']:.2f} m from the goal")
     if approach is not None and len(approach.remaining_m):

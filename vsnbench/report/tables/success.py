@@ -93,6 +93,16 @@ def _median_distance_m(group: Group) -> float:
     return float(np.median(distances_m)) if len(distances_m) else math.nan
 
 
+def _oracle_success(group: Group) -> float:
+    known = hasattr(group.counted, "oracle_success")  # of a record with a stack (`courses.with_stacks`)
+    return ordered_mean(_values(group, "oracle_success")) if known else math.nan
+
+
+def _interventions(group: Group) -> int | None:
+    numbers = getattr(group.attempts, "interventions", np.empty(0))
+    return int(known.sum()) if len(known := numbers[~np.isnan(numbers)]) else None
+
+
 def _trivial(group: Group) -> int | None:
     return None if group.counted is None else int((_values(group, "shortest_m") < TRIVIAL_M).sum())
 
@@ -102,6 +112,7 @@ _OF_RATE = "the 95 % interval of the success rate"
 _WILSON = "Wilson's interval of the success rate at the effective sample size, percent; clustered by starting position"
 _K_OF_N, _DONE = "successful episodes of counted episodes, one per trial", "completed trials of planned trials"
 _MEAN_ACTIONS = "mean number of actions over all counted episodes, as in the paper"
+_NO_STACK = "unless a stack drives itself"
 _LIMIT = "episodes that reached a limit on actions, time or path"
 SUMMARY = Measures(
     Measure("successes", COUNT, "number of successes"),
@@ -149,6 +160,24 @@ SUMMARY = Measures(
         rank=4,
     ),
     Measure("sct_episodes", COUNT, "number of episodes in `sct`", _number_of("sct", _weighted)),
+    Measure(
+        "oracle_success",
+        percents(),
+        "share of the examined episodes in which STOP would have succeeded at any pose",
+        _oracle_success,
+        heading="oracle SR %",
+        null=_NO_STACK,
+        rank=2,
+    ),
+    Measure(
+        "interventions",
+        COUNT,
+        "number of recorded interventions, of void episodes too",
+        _interventions,
+        heading="interv.",
+        null=_NO_STACK,
+        rank=3,
+    ),
     Measure("mean_driving_s", decimals(1), "mean duration on the robot's clock", _mean_of("duration_s")),
     Measure("mean_thinking_s", decimals(1), "mean inference time, on a real robot", _mean_of("thinking_s")),
     Measure("median_distance_to_goal_m", NUMBER, "median distance to the goal at the end", _median_distance_m),
@@ -178,10 +207,14 @@ SUMMARY = Measures(
     Measure("", COUNT, "void attempts, not counted in any rate", _attempts(VOID), heading="void", rank=2),
 )
 """Measures of a `Group`: columns of the success tables, and fields of CSV and JSON. A new column is one entry."""
-_WITHOUT_ACTIONS = SUMMARY.in_columns(
+_OF_STACKS = SUMMARY.in_columns(
     *(measure.heading for measure in SUMMARY.shown if not measure.key.startswith("mean_actions"))
 )
 """The same for a stack that drives itself, which has no actions."""
+_OF_MODELS = SUMMARY.in_columns(
+    *(measure.heading for measure in SUMMARY.shown if measure.key not in ("oracle_success", "interventions"))
+)
+"""The same for a model: its oracle success is among the courses, as it takes long to compute."""
 _KIND = "kind of the goal: `category`, `text`, `image` or `instruction`"
 GROUP = Measures.shared(
     "summary",
@@ -259,7 +292,7 @@ def start_table(summary: ConditionSummary) -> ReportTable:
 
 
 def _measures_of(summary: ConditionSummary) -> Measures:
-    return _WITHOUT_ACTIONS if summary.condition.execution == STACK else SUMMARY
+    return _OF_STACKS if summary.condition.execution == STACK else _OF_MODELS
 
 
 def _caveats(total: Group) -> list[str]:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, Table, insert, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from vsnbench.protocol.judge import GoalDistance, Verdict
@@ -193,7 +193,7 @@ def verdict_row(
 
 def insert_row(connection: Connection, table: type[TableBase], row: Row) -> int:
     """Insert a row and return its id."""
-    key: Any = connection.execute(insert(table), row).inserted_primary_key
+    key: Any = connection.execute(insert(cast("Table", table.__table__)), row).inserted_primary_key
     return int(key[0])
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, func, insert, select, update
+from sqlalchemy import Connection, Select, bindparam, func, insert, select, update
 
 from vsnbench.protocol.metrics import known_progress
 from vsnbench.results.schema.engine import to_json
@@ -83,22 +83,26 @@ def append_event(connection: Connection, study_id: int, kind: str, content: Mapp
     connection.execute(update(Study).where(Study.id == study_id).values(log_heads=sha256))
 
 
+_IN_STUDY = (
+    select(
+        *(StudyTrial.study_id, StudyArm.name, TrialRow.goal, TrialRow.start, TrialRow.repetition),
+        *(EpisodeRow.uuid, EpisodeRow.state),
+    )
+    .select_from(EpisodeRow)
+    .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
+    .join(StudyTrial, StudyTrial.trial_id == TrialRow.id)
+    .join(StudyArm, (StudyArm.campaign_id == TrialRow.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
+    .where(EpisodeRow.id == bindparam("episode"))
+)
+"""The place of an episode in its study; made once, because that takes longer than executing it."""
+
+
 def log_outcome(connection: Connection, episode_id: int) -> None:
     """Append the state, verdict and measurements of an episode to its study's log; without a study it does nothing.
 
     Call it last in a transaction over several episodes, because it locks the study's row.
     """
-    found = connection.execute(
-        select(
-            *(StudyTrial.study_id, StudyArm.name, TrialRow.goal, TrialRow.start, TrialRow.repetition),
-            *(EpisodeRow.uuid, EpisodeRow.state),
-        )
-        .select_from(EpisodeRow)
-        .join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
-        .join(StudyTrial, StudyTrial.trial_id == TrialRow.id)
-        .join(StudyArm, (StudyArm.campaign_id == TrialRow.campaign_id) & (StudyArm.study_id == StudyTrial.study_id))
-        .where(EpisodeRow.id == episode_id)
-    ).first()
+    found = connection.execute(_IN_STUDY, {"episode": episode_id}).first()
     if found is None:
         return
     verdicts = verdicts_by_episode(connection, [episode_id]).get(episode_id, ())

@@ -32,7 +32,7 @@ from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.judging import RETRACTED, judge, require_unchanged_judgement
 from vsnbench.results.writing.lifecycle import ACTIVE, EpisodeState, advance, lease
 from vsnbench.results.writing.sessions import session_of
-from vsnbench.results.writing.steps import StepStatements, step_row, thinking_s
+from vsnbench.results.writing.steps import THINKING_S, StepStatements, step_row
 from vsnbench.values.fix import Fix
 from vsnbench.values.step import StepRecord
 
@@ -103,7 +103,7 @@ class EpisodeWriter:
             if entry.measured is not None:
                 session = session_of(connection, episode_id)
                 accepted = measured_row(episode_id, entry.measured, session.operator if session else "")
-                connection.execute(insert(Placement), accepted)
+                insert_row(connection, Placement, accepted)
 
     def release(self, episode_id: int) -> bool:
         """Delete a claim that has not begun; False if it has begun or is lost."""
@@ -197,12 +197,7 @@ def claim_first(connection: Connection, process_id: int, campaign_id: int, trial
             continue
         # On a server this row lock keeps two processes from claiming the same trial; locked rows are skipped
         # instead of waited for.
-        row = connection.execute(
-            select(TrialRow.id, TrialRow.goal, TrialRow.start, TrialRow.repetition, CampaignRow.seed)
-            .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
-            .where(TrialRow.id == trial_id)
-            .with_for_update(of=TrialRow, skip_locked=True)
-        ).first()
+        row = connection.execute(_LOCKED, {"trial": trial_id}).first()
         if row is None or connection.execute(_TAKEN, {"trial": trial_id}).first() is not None:
             continue
         trial = KnownTrial(row.goal, row.start, row.repetition, id=row.id, campaign_id=campaign_id)
@@ -210,6 +205,13 @@ def claim_first(connection: Connection, process_id: int, campaign_id: int, trial
     return None
 
 
+# Statements of every episode are made once, because that takes longer than executing them.
+_LOCKED = (
+    select(TrialRow.id, TrialRow.goal, TrialRow.start, TrialRow.repetition, CampaignRow.seed)
+    .join(CampaignRow, CampaignRow.id == TrialRow.campaign_id)
+    .where(TrialRow.id == bindparam("trial"))
+    .with_for_update(of=TrialRow, skip_locked=True)
+)
 _TAKEN = episodes_holding_trial(bindparam("trial")).limit(1)
 
 
@@ -239,8 +241,12 @@ def _claim(connection: Connection, process_id: int, trial: KnownTrial, seed: int
         },
     )
     directory = images_directory(episode_id)
-    held = {"images_directory": directory, "lease_until": lease(connection.dialect)}
-    connection.execute(update(EpisodeRow).where(EpisodeRow.id == episode_id).values(held))
+    advance(
+        *(connection, episode_id, EpisodeState.CLAIMED),
+        from_states=(EpisodeState.CLAIMED,),
+        images_directory=directory,
+        lease_until=lease(connection.dialect),
+    )
     return Claim(episode_id, identity, trial, seed, directory)
 
 
@@ -277,11 +283,11 @@ def write_end(connection: Connection, process_id: int, episode_id: int, end: Epi
     else:
         state = EpisodeState.AWAITING if end.proposed else EpisodeState.JUDGED
     before = ACTIVE if state is EpisodeState.VOID else (EpisodeState.RUNNING,)
-    columns = {**episode_end_row(end), "thinking_s": thinking_s(episode_id)}
+    columns = {**episode_end_row(end), "thinking_s": THINKING_S}
     advance(connection, episode_id, state, from_states=before, process_id=process_id, **columns)
     if not end.unjudged:
         proposed = state is EpisodeState.AWAITING
         row = verdict_row(episode_id, verdict, author="vsnbench", source="protocol", proposed=proposed)
-        connection.execute(insert(VerdictRow), row)
+        insert_row(connection, VerdictRow, row)
     if end.stop is not None:
-        connection.execute(insert(Placement), stop_row(episode_id, end.stop))
+        insert_row(connection, Placement, stop_row(episode_id, end.stop))

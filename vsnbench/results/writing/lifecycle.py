@@ -12,9 +12,10 @@ a void one; earlier verdicts are kept. A retracted judgement leaves the episode 
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
-from typing import Any
+from functools import lru_cache
+from typing import Any, cast
 
-from sqlalchemy import Connection, DateTime, Dialect, func, select, update
+from sqlalchemy import ClauseElement, Connection, DateTime, Dialect, Table, Update, bindparam, func, select, update
 
 from vsnbench.errors import EpisodeClosedError, UsageError
 from vsnbench.results.schema.tables import EpisodeRow, ProcessRow
@@ -61,9 +62,10 @@ def lease(dialect: Dialect) -> Any:
 
     On a server its own clock is used, because the clocks of two robots may differ by minutes.
     """
-    if dialect.name == "postgresql":
-        return func.clock_timestamp(type_=DateTime(timezone=True)) + LEASE
-    return datetime.now(UTC) + LEASE
+    return _SERVERS_LEASE if dialect.name == "postgresql" else datetime.now(UTC) + LEASE
+
+
+_SERVERS_LEASE = func.clock_timestamp(type_=DateTime(timezone=True)) + LEASE
 
 
 def moment(connection: Connection) -> datetime:
@@ -97,14 +99,35 @@ def advance(
         EpisodeClosedError: the transition is not allowed, or another process has the episode.
     """
     before = tuple(from_states) or PREVIOUS_STATES[to]
-    wanted = [EpisodeRow.id == episode_id, EpisodeRow.state.in_([state.value for state in before])]
-    if process_id is not None:
-        wanted.append(EpisodeRow.process_id == process_id)
+    values["state"] = to.value
     if to in ENDED:
         values["lease_until"] = None
-    moved = connection.execute(update(EpisodeRow).where(*wanted).values(state=to.value, **values))
+    computed = {name: value for name, value in values.items() if isinstance(value, ClauseElement)}
+    given = {name: value for name, value in values.items() if name not in computed}
+    statement = _transition(before, tuple(given), tuple(computed.items()), owned=process_id is not None)
+    parameters = {"episode": episode_id, **{f"new_{name}": value for name, value in given.items()}}
+    if process_id is not None:
+        parameters["process"] = process_id
+    moved = connection.execute(statement, parameters)
     if moved.rowcount != 1:
         raise _refusal(connection, episode_id, to)
+
+
+@lru_cache(maxsize=64)
+def _transition(
+    before: tuple[EpisodeState, ...], given: tuple[str, ...], computed: tuple[tuple[str, Any], ...], *, owned: bool
+) -> Update:
+    """Return the statement that sets columns of an episode in one of some states.
+
+    It is kept, because making it takes longer than executing it. Its parameters are `episode`, the values as
+    `new_COLUMN`, and if it must have claimed the episode `process`. SQL expressions are part of the statement.
+    """
+    table = cast("Table", EpisodeRow.__table__)
+    wanted = [table.c.id == bindparam("episode"), table.c.state.in_([state.value for state in before])]
+    if owned:
+        wanted.append(table.c.process_id == bindparam("process"))
+    values: dict[str, Any] = {name: bindparam(f"new_{name}") for name in given}
+    return update(table).where(*wanted).values({**values, **dict(computed)})
 
 
 def _refusal(connection: Connection, episode_id: int, to: EpisodeState) -> EpisodeClosedError | UsageError:

@@ -17,7 +17,7 @@ from vsnbench.results.writing.entries import RecoveredEpisode
 from vsnbench.results.writing.episodes import NOT_STARTED, release
 from vsnbench.results.writing.lifecycle import ACTIVE, LEASE, EpisodeState, moment
 from vsnbench.results.writing.provenance import ProcessIdentity, this_process
-from vsnbench.results.writing.steps import thinking_s
+from vsnbench.results.writing.steps import THINKING_S
 from vsnbench.text.sanitize import sanitize
 
 
@@ -88,9 +88,10 @@ def recover_one(connection: Connection, row: Row[*tuple[Any, ...]]) -> Recovered
             actions=row.steps,
             path_length_m=row.path_length_m,
             duration_s=row.duration_s,
-            thinking_s=thinking_s(row.id),
+            thinking_s=THINKING_S,
             wall_duration_s=(ended_at - row.started_at).total_seconds(),
-        )
+        ),
+        {"episode": row.id},
     )
     if closed.rowcount != 1:
         return None

@@ -18,7 +18,6 @@ from sqlalchemy import (
     Dialect,
     Engine,
     PoolProxiedConnection,
-    ScalarSelect,
     bindparam,
     case,
     func,
@@ -218,10 +217,12 @@ def step_row(episode_id: int, step: StepRecord) -> Row:
     }
 
 
-def thinking_s(episode_id: int) -> ScalarSelect[float | None]:
-    """Select the sum of the inference times of an episode's steps; NULL if a step has none."""
-    complete = func.count(StepRow.infer_s) == func.count()
-    return select(case((complete, func.sum(StepRow.infer_s)))).where(StepRow.episode_id == episode_id).scalar_subquery()
+THINKING_S = (
+    select(case((func.count(StepRow.infer_s) == func.count(), func.sum(StepRow.infer_s))))
+    .where(StepRow.episode_id == bindparam("episode"))
+    .scalar_subquery()
+)
+"""Sum of the inference times of the steps of the episode `episode`; NULL if a step has none."""
 
 
 def _movement_json(step: StepRecord) -> dict[str, Any] | None:
