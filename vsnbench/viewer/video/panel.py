@@ -25,6 +25,8 @@ BAR_RGB: Rgb = (170, 190, 220)
 _MISSING_RGB: Rgb = (60, 60, 64)
 _LIMIT_RGB: Rgb = (190, 190, 186)
 _BARS = 6
+_LEAST_SCORE = 0.005
+"""Lower scores would be 0.00."""
 _CAMERA_SHARE = 0.72
 """Maximum share of a panel's longer side that the camera takes."""
 
@@ -175,17 +177,18 @@ class EpisodePanel:
             row, left = self._row(left)
             if row.height:
                 canvas.write(text, row, size, color, bold=bold)
-        scores = sorted(entry.decision.diagnostics.probabilities.items(), key=lambda item: -item[1])[:_BARS]
-        room = left.height - len(scores) * self._line
+        bars = min(_BARS, max(1, left.height // self._line - 3))
+        room = left.height - bars * self._line
         if self._curve is not None:
             self._draw_distances(canvas, self._curve, poses)
         elif room > 2 * self._line:
             curve = replace(left, height=min(room, 6 * self._line))
             self._draw_distances(canvas, curve.inset(self._line // 4), poses)
             left = replace(left, top=left.top + curve.height, height=left.height - curve.height)
-        for name, score in scores:
+        known = sorted(entry.decision.diagnostics.probabilities.items(), key=lambda item: -item[1])
+        for name, score in known[:bars]:
             row, left = self._row(left)
-            if not row.height or not 0 <= score <= 1:
+            if not row.height or not _LEAST_SCORE <= score <= 1:
                 break
             bar = Area(row.left, row.top + 2, round(row.width * score), row.height - 4)
             if bar.width > 0:
@@ -201,7 +204,7 @@ class EpisodePanel:
         limit_m = self._replay.header.parameters.success_distance_m
         text = f"{distance_text(here.distance_m, limit_m)} m to the goal"
         if here.is_under(limit_m):
-            return f"{text}: STOP succeeds", SUCCESS_RGB, True
+            return f"{distance_text(here.distance_m, limit_m)} m: STOP succeeds", SUCCESS_RGB, True
         return text if here.in_sight else f"{text}, not in sight", INK, False
 
     def _draw_distances(self, canvas: FrameCanvas, area: Area, poses: int) -> None:
