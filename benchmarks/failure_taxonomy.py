@@ -20,8 +20,9 @@ import numpy as np
 from vsnbench.protocol.judge import success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
-from vsnbench.report.analysis.courses import read_courses, site_of
+from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.failures import FailureKind, failure_kinds
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.report.build import read
 from vsnbench.report.plan.floor_plan import PlanStyle, draw_floor_plan
 from vsnbench.results.database_url import sqlite_url

@@ -486,6 +486,12 @@ LONG = {
     **_of(
         "examples/test_adapters.py",
         "its test of NavDP",
+        "test_servers_that_keep_images_forget_them_between_episodes[vint]",
+        "test_servers_that_keep_images_forget_them_between_episodes[nomad]",
+        "test_a_route_goes_from_photograph_to_photograph",
+        "test_planners_that_never_stop_end_near_the_point[viplanner]",
+        "test_ddppo_turns_and_drives_discrete_steps_to_a_point",
+        "test_dualvln_executes_actions_and_trajectories_and_does_not_look_down",
         "test_the_adapters_pass_models_check_and_state_their_camera[NavDP]",
         "test_vlfms_real_robot_policy_turns_the_base_for_the_arm_and_drives_to_its_sub_goal",
         "test_uninavid_executes_predicted_actions[False]",

@@ -1,128 +1,55 @@
 """The adapters run by the commands of their page, against stand-ins for the models' own code."""
 
+import io
 import json
 import math
-import re
 import runpy
-import shutil
-import sqlite3
-import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from tests.cli.console import vsnbench
-from tests.models.remote.servers import PATIENCE_S, STUB, await_port, free_port
+from tests.examples.adapter_trials import (
+    ADAPTERS,
+    COMMANDS,
+    UPSTREAM,
+    VLFM,
+    driven,
+    lay_out,
+    poses,
+    process,
+    served,
+)
+from tests.models.remote.servers import free_port
 from vsnbench.models.remote.checking import check_server
 from vsnbench.robots.registry import profile_of
 from vsnbench.values.pose import Pose
 
-ROOT = Path(__file__).resolve().parents[2]
-ADAPTERS = ROOT / "examples" / "adapters"
-UPSTREAM = Path(__file__).resolve().parent / "upstream"
-PAGE = (ADAPTERS / "README.md").read_text(encoding="utf-8")
-COMMANDS = dict(re.findall(r"^python (vsnbench_policy\.py \w+:(?:\w+).*)\n(vsnbench run .*)$", PAGE, re.MULTILINE))
-VLFM = {"pointnav_policy_path": "data/pointnav_weights.pth", "depth_image_shape": [224, 224], "text_prompt": "a chair"}
-SETTINGS = {
-    "uninavid.json": {"model_path": "model_zoo/uninavid"},
-    "navila.json": {"model_path": "navila-llama3-8b-8f", "question_file": "question.txt"},
-    "vlfm.json": {"arguments": VLFM, "device": "cpu"},
-}
-
-
-@contextmanager
-def process(*command: str, port: int, cwd: Path) -> Iterator[None]:
-    with (cwd / "server.log").open("ab") as log:
-        started = subprocess.Popen([sys.executable, *command], cwd=cwd, stderr=log, stdout=log)
-    try:
-        await_port(port, started)
-        yield
-    finally:
-        started.kill()
-        started.wait(PATIENCE_S)
-
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    """A directory with the adapters, the server file and the models' code."""
-    for folder in (ADAPTERS, *UPSTREAM.iterdir()):
-        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / STUB.name).write_bytes(STUB.read_bytes())
-    (tmp_path / "question.txt").write_text("Seen: {frames} Now: <image>\nTask: {instruction}")
-    for name, settings in SETTINGS.items():
-        (tmp_path / name).write_text(json.dumps(settings))
+    """A directory with the adapters, the server file and stand-ins for the models' code."""
+    lay_out(tmp_path, *UPSTREAM.iterdir())
     return tmp_path
 
 
 @contextmanager
-def served(model: str, directory: Path, **settings: Any) -> Iterator[str]:
-    """Serve a model with the command of the page; yield its address."""
-    serves = next(serves for serves in COMMANDS if f":{model} " in serves)
+def navdp_server(directory: Path, algo: str = "navdp") -> Iterator[str]:
     port = free_port()
-    words = [*serves.replace("--port 8765", "").split(), "--port", str(port)]
-    if settings:
-        file = (
-            directory / words[words.index("--settings") + 1] if "--settings" in words else directory / "settings.json"
-        )
-        kept = json.loads(file.read_text()) if file.exists() else {}
-        file.write_text(json.dumps(kept | settings))
-        words += [] if "--settings" in words else ["--settings", file.name]
-    with process(*words, port=port, cwd=directory):
-        yield f"ws://127.0.0.1:{port}"
-
-
-@contextmanager
-def navdp_server(directory: Path) -> Iterator[str]:
-    port = free_port()
-    with process("navdp_server.py", "--port", str(port), port=port, cwd=directory):
+    with process("navdp_server.py", "--port", str(port), "--algo", algo, port=port, cwd=directory):
         yield f"http://127.0.0.1:{port}"
-
-
-def driven(
-    model: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **settings: Any
-) -> list[tuple[str, str, dict[str, Any] | None]]:
-    """Serve a model and run one trial, as the page does; return action, raw action and movement of each step."""
-    runs = next(runs for serves, runs in COMMANDS.items() if f":{model} " in serves)
-    monkeypatch.chdir(ROOT)
-    monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
-    with served(model, directory, **settings) as url:
-        arguments = runs.replace("ws://127.0.0.1:8765", url).split()[1:]
-        answer = vsnbench(
-            monkeypatch,
-            capsys,
-            *arguments,
-            "--starts",
-            "5",
-            "--max-steps",
-            "24",
-            "--results",
-            str(directory / "results"),
-        )
-    assert answer.code == 0, answer.err + (directory / "server.log").read_text()
-    with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
-        rows = database.execute("SELECT action, raw_action, movement FROM step ORDER BY number").fetchall()
-        (reason,) = database.execute("SELECT end_reason FROM episode").fetchone()
-    assert reason == "stop", (directory / "server.log").read_text()
-    return [(action, raw, json.loads(movement) if movement else None) for action, raw, movement in rows]
-
-
-def poses(directory: Path) -> list[Pose]:
-    """Return the poses of the trial relative to its start: at the start, and after each step."""
-    with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
-        rows = database.execute("SELECT after_x_m, after_y_m, after_heading_rad FROM step ORDER BY number").fetchall()
-    return [Pose(0.0, 0.0, 0.0), *(Pose(*row) for row in rows)]
 
 
 def test_the_page_has_commands_for_every_adapter() -> None:
     named = {serves.split()[1].partition(":")[0] for serves in COMMANDS}
     assert named == {file.stem for file in ADAPTERS.glob("*.py")}
-    assert len(COMMANDS) == 5
+    assert len(COMMANDS) == 8
 
 
 @pytest.mark.parametrize("model", ["NavDP", "UniNaVid", "NaVILA", "VLFMHabitat", "VLFMReality"])
@@ -150,26 +77,69 @@ def test_navdp_drives_a_metre_at_a_time_and_stops_where_the_server_zeroes_its_tr
     assert all(1.0 <= length < 1.1 for length in lengths)
 
 
+@pytest.mark.parametrize("algo", ["gnm", "vint", "nomad"])
+def test_servers_that_keep_images_forget_them_between_episodes(
+    algo: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with navdp_server(directory, algo) as url:
+        steps = driven("NavDP", directory, monkeypatch, capsys, url=url, algo=algo, starts="5,6")
+    assert [action for action, _, _ in steps] == (["TRAJECTORY"] * 4 + ["STOP"]) * 2
+
+
+def test_a_route_goes_from_photograph_to_photograph(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with navdp_server(directory, "gnm") as url:
+        steps = driven("NavDP", directory, monkeypatch, capsys, "to-the-armchair", "2", url=url, algo="gnm")
+    assert [action for action, _, _ in steps] == ["TRAJECTORY"] * 12 + ["STOP"]
+
+
+@pytest.mark.parametrize("algo", ["iplanner", "viplanner"])
+def test_planners_that_never_stop_end_near_the_point(
+    algo: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with navdp_server(directory, algo) as url:
+        steps = driven("NavDP", directory, monkeypatch, capsys, "free-point", "8", url=url, algo=algo)
+    assert [action for action, _, _ in steps] == ["TRAJECTORY"] * (len(steps) - 1) + ["STOP"]
+    assert float(steps[-1][1].split()[0]) < 0.5
+
+
+def test_ddppo_turns_and_drives_discrete_steps_to_a_point(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with navdp_server(directory, "ddppo") as url:
+        steps = driven("NavDP", directory, monkeypatch, capsys, "free-point", "8", url=url, algo="ddppo")
+    actions = [action for action, _, _ in steps]
+    assert set(actions) >= {"MOVE_FORWARD", "STOP"}
+    assert set(actions) <= {"MOVE_FORWARD", "TURN_LEFT", "TURN_RIGHT", "STOP"}
+
+
 def answering(trajectory: Any, **arguments: Any) -> Any:
     """Return the NavDP adapter with a server that always plans one trajectory."""
     module = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))
     module["NavDP"].urls.clear()
     model = module["NavDP"](**arguments)
-    model.goal = np.zeros((32, 32, 3), np.uint8)
-    model._post = lambda *_: {"trajectory": np.asarray(trajectory).tolist(), "all_values": [[-3.5]]}
+    model.goals = [np.zeros((32, 32, 3), np.uint8)]
+    model.posted = []
+
+    def post(route: str, body: bytes, *_: Any) -> dict[str, Any]:
+        model.posted.append((route, body))
+        return {"trajectory": np.asarray(trajectory).tolist(), "all_values": [[-3.5]], "algo": model.algo}
+
+    model._post = post
     return model
 
 
-SEEN = SimpleNamespace(rgb=np.zeros((32, 32, 3), np.uint8), depth_m=np.full((32, 32), np.nan, np.float32))
+SEEN = SimpleNamespace(
+    rgb=np.zeros((32, 32, 3), np.uint8), depth_m=np.full((32, 32), np.nan, np.float32), pose=Pose(1.0, 2.0, math.pi / 2)
+)
 
 
 def test_navdp_sends_red_and_blue_exchanged() -> None:
     module = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))
-    from PIL import Image
-
     red = np.zeros((32, 32, 3), np.uint8)
     red[..., 0] = 255
-    received = np.asarray(Image.open(__import__("io").BytesIO(module["_jpeg"](red))))
+    received = np.asarray(Image.open(io.BytesIO(module["_jpeg"](red))))
     assert received[..., 2].min() > 240 > 10 > received[..., 0].max()
 
 
@@ -206,19 +176,53 @@ def test_a_navdp_answer_without_a_trajectory_is_refused() -> None:
         answering([[[0.1, 0.0, 0.0]]]).act(SEEN)
 
 
-def test_a_server_of_another_model_is_not_taken_for_navdps() -> None:
+def task(**goal: Any) -> Any:
     camera = SimpleNamespace(width=640, height=480, horizontal_fov_deg=60)
-    model = answering(np.zeros((1, 24, 3)))
-    model._post = lambda *_: {"algo": "vint"}
-    with pytest.raises(ValueError, match="'vint', not of NavDP"):
-        model.begin(SimpleNamespace(goal=SimpleNamespace(image=None), robot=SimpleNamespace(camera=camera)))
+    goal = {"kind": "image", "image": SEEN.rgb, "images": (), "point": None} | goal
+    return SimpleNamespace(goal=SimpleNamespace(**goal), robot=SimpleNamespace(camera=camera))
+
+
+@pytest.mark.parametrize("algo", ["navdp", "gnm", "vint", "nomad", "iplanner", "viplanner", "ddppo"])
+def test_a_server_of_another_model_is_refused_in_one_line(algo: str) -> None:
+    model = answering(np.zeros((1, 24, 3)), algo=algo)
+    model.begin(task())
+    assert [route for route, _ in model.posted] == ["navigator_reset", "navigator_reset_env"]
+    model._post = lambda *_: {"algo": "other"}
+    with pytest.raises(ValueError, match=f"^the server at [^\n]* is that of 'other', not of '{algo}': [^\n]*$"):
+        model.begin(task())
+
+
+def test_a_mode_that_a_server_has_no_route_for_is_refused() -> None:
+    with pytest.raises(ValueError, match="mode of gnm must be image or nogoal"):
+        answering(np.zeros((1, 24, 3)), algo="gnm", mode="point")
+    with pytest.raises(ValueError, match="algo must be one of navdp, gnm"):
+        answering(np.zeros((1, 24, 3)), algo="rdp")
+
+
+def test_a_point_reaches_the_server_in_the_robots_frame() -> None:
+    ahead = np.zeros((1, 24, 3))
+    ahead[0, :, 0] = np.linspace(0.0, 1.0, 24)
+    model = answering(ahead, algo="iplanner")
+    model.begin(task(kind="point", image=None, point=(0.0, 5.0)))
+    points = model.act(SEEN)["movement"]["points"]
+    assert points[0] != [0.0, 0.0]  # the wire takes no point at the robot itself
+    body = model.posted[-1][1]
+    goal = json.loads(body[body.index(b'{"goal_x"') : body.index(b"}", body.index(b'{"goal_x"')) + 1])
+    assert (goal["goal_x"][0], goal["goal_y"][0]) == pytest.approx((3.0, 1.0))
+
+
+def test_zeros_of_navdp_mean_a_turn_where_the_point_is_behind_the_robot() -> None:
+    model = answering(np.zeros((1, 24, 3)), mode="point")
+    model.begin(task(kind="point", image=None, point=(1.0, -3.0)))
+    assert model.act(SEEN)["action"] in ("TURN_LEFT", "TURN_RIGHT")
+    model.begin(task(kind="point", image=None, point=(1.0, 2.2)))
+    assert model.act(SEEN)["action"] == "STOP"
 
 
 def test_a_navdp_server_that_is_not_there_is_one_line() -> None:
     model = runpy.run_path(str(ADAPTERS / "navdp_adapter.py"))["NavDP"](url=f"http://127.0.0.1:{free_port()}")
-    camera = SimpleNamespace(width=640, height=480, horizontal_fov_deg=60)
     with pytest.raises(RuntimeError, match=r"navigator_reset: .*refused"):
-        model.begin(SimpleNamespace(goal=SimpleNamespace(image=None), robot=SimpleNamespace(camera=camera)))
+        model.begin(task())
 
 
 def test_navdps_server_is_not_shared_between_sessions() -> None:
@@ -227,6 +231,87 @@ def test_navdps_server_is_not_shared_between_sessions() -> None:
     model("http://127.0.0.1:8889")
     with pytest.raises(ValueError, match="serve one session"):
         model()
+
+
+@contextmanager
+def vln_server(directory: Path) -> Iterator[str]:
+    port = free_port()
+    with process("vln_server.py", "--port", str(port), port=port, cwd=directory):
+        yield f"http://127.0.0.1:{port}"
+
+
+def test_streamvln_executes_four_actions_in_upstreams_sizes(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with vln_server(directory) as url:
+        steps = driven("StreamVLN", directory, monkeypatch, capsys, url=url)
+    assert [action for action, _, _ in steps] == ["MOVE"] * 7 + ["STOP"]
+    turns = [round(math.degrees(moved.get("turn_rad", 0))) for _, _, moved in steps[:7] if moved]
+    assert turns == [0, 15, 0, -15, -15, 0, 0]
+
+
+def test_dualvln_executes_actions_and_trajectories_and_does_not_look_down(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with vln_server(directory) as url:
+        steps = driven("DualVLN", directory, monkeypatch, capsys, url=url)
+    expected = ["MOVE"] * 3 + ["TRAJECTORY"] * 2 + ["NOOP"] + ["MOVE"] * 2 + ["STOP"]
+    assert [action for action, _, _ in steps] == expected
+    assert [moved["points"][-1][0] for _, _, moved in steps if moved and "points" in moved] == pytest.approx([0.25] * 2)
+
+
+def test_the_vln_servers_get_the_instruction_and_upstreams_order_of_colours() -> None:
+    module = streamvln_module()
+    for name, is_red_first in (("StreamVLN", False), ("DualVLN", True)):
+        posted = []
+        module["ask_of"](posted, {"action": [0], "discrete_action": [0]})
+        model = module[name]()
+        model.reset(SimpleNamespace(kind="category", text=""), 0)
+        red = np.zeros((32, 32, 3), np.uint8)
+        red[..., 0] = 255
+        seen = SimpleNamespace(rgb=red, depth_m=SEEN.depth_m)
+        assert model.act(seen)["action"] == "STOP"
+        model.act(seen)
+        assert [b'"reset": true' in body for body in posted] == [True, False]
+        assert all(b"Search for a" in body for body in posted)
+        start = posted[0].index(b"\xff\xd8")
+        received = np.asarray(Image.open(io.BytesIO(posted[0][start:])))
+        assert (received[..., 0].mean() > received[..., 2].mean()) == is_red_first
+
+
+def test_an_answer_of_a_vln_server_that_is_no_step_is_refused() -> None:
+    model = streamvln_module()["StreamVLN"]()
+    with pytest.raises(ValueError, match="streamvln answered with 7, which is no step"):
+        model.steps([1, 7])
+
+
+def streamvln_module() -> dict[str, Any]:
+    """Return the adapter's module with `ask_of`, which replaces the server by one answer and keeps what it is sent."""
+    navdp = ModuleType("navdp_adapter")
+    vars(navdp).update(runpy.run_path(str(ADAPTERS / "navdp_adapter.py")))
+    sys.modules["navdp_adapter"] = navdp
+    try:
+        module = runpy.run_path(str(ADAPTERS / "streamvln_adapter.py"))
+    finally:
+        del sys.modules["navdp_adapter"]
+
+    def ask_of(posted: list[bytes], answer: dict[str, Any]) -> None:
+        module["_Server"].urls.clear()
+        module["_Server"].ask.__globals__["post"] = lambda url, body, *_: posted.append(body) or answer
+
+    module["ask_of"] = ask_of
+    return module
+
+
+def test_goats_agent_keeps_its_memory_from_goal_to_goal(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torch = pytest.importorskip("torch")
+    torch.save({"state_dict": {"actor_critic.net.goat_embeeding.weight": torch.zeros(1)}}, directory / "ckpt.pth")
+    steps = driven("SenseActNN", directory, monkeypatch, capsys, device="cpu")
+    legs = [["MOVE_FORWARD"] * goals + ["NOOP", "STOP"] for goals in range(1, 6)]
+    assert [action for action, _, _ in steps] == [action for leg in legs for action in leg]
+    assert {raw for _, raw, _ in steps} == {"move_forward", "look_up", "subtask_stop"}
 
 
 @pytest.mark.parametrize("chunk", [False, True])
@@ -280,8 +365,6 @@ def test_an_answer_of_navila_without_a_number_is_one_step(text: str, step: dict[
 
 
 def test_navila_shows_the_latest_frame_last_and_pads_in_front() -> None:
-    from PIL import Image
-
     sampled = runpy.run_path(str(ADAPTERS / "navila_adapter.py"))["sampled"]
     frames = [Image.new("RGB", (2, 2), (number, 0, 0)) for number in range(1, 21)]
     reds = [image.getpixel((0, 0))[0] for image in sampled(frames, 8)]

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from tests.report.records import Attempt, Lab, measured, step
 from vsnbench.errors import RecordError, UsageError
-from vsnbench.interop.episodes import camera_of, read_episodes, write_tum
+from vsnbench.interop.episodes import cameras_of, read_episodes, write_tum
 from vsnbench.interop.habitat import read_habitat
 from vsnbench.interop.importing import import_habitat, import_upstream_log, unsurveyed_site
 from vsnbench.interop.rosbag import write_bag
@@ -27,6 +27,7 @@ from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.robots.profiles import load_profile
 from vsnbench.values.action import Action
+from vsnbench.values.camera import CameraRole
 
 STEPS = [
     step(1, Action.MOVE_FORWARD, x_m=0.25),
@@ -109,7 +110,7 @@ def test_a_bag_reads_back_with_images_odometry_and_actions(lab: Lab, tmp_path: P
     assert ("odom", "base_footprint") in frames
     assert ("base_footprint", "camera_color_optical_frame") in frames
     calibration = heard["/camera/color/camera_info"][0]
-    assert calibration.K[0] == pytest.approx(camera_of(record.provenance.robot_profile).focal_px)
+    assert calibration.K[0] == pytest.approx(cameras_of(record.provenance.robot_profile)[CameraRole.FRONT].focal_px)
     (picture,) = heard["/camera/color/image_raw/compressed"]
     assert cv2.imdecode(picture.data, cv2.IMREAD_COLOR).shape == (3, 4, 3)
 

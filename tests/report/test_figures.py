@@ -15,12 +15,11 @@ from vsnbench.errors import VsnbenchError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.published import PAPER_INTERVALS
-from vsnbench.report.analysis.trajectories import read_tracks
 from vsnbench.report.build import Report, build
 from vsnbench.report.figures import choose
 from vsnbench.report.figures.actions import _names
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, build_and_draw, drawings
-from vsnbench.report.figures.plans import outcome
+from vsnbench.report.figures.plans import outcome, read_tracks
 from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
 from vsnbench.report.tables.activity import ROBOTS
 from vsnbench.values.action import Action

@@ -6,18 +6,22 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+import shapely
 from sqlalchemy import select
 
 from tests.evidence.verification.conftest import lines, verified
 from tests.sites.goal_sites import GOALS, write_site
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.interop.merge import merge, merge_source
+from vsnbench.protocol.judge import success_region
+from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Selection
+from vsnbench.report.analysis.courses import measures_of
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
 from vsnbench.results.goals import definitions
-from vsnbench.results.reading.queries import episode_record
+from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.schema.tables import GoalRow, TrialRow
 from vsnbench.runner.executors.capacity import WorkerOptions
@@ -144,3 +148,31 @@ def test_a_sequence_is_recorded_reported_merged_and_verified_leg_by_leg(tmp_path
         with closing(sqlite3.connect(changed / "vsnbench.db")) as database, database:
             database.execute(f"UPDATE episode SET legs = json_set(legs, '$[1].{column}', json('{value}'))")
         assert [line for line in lines(verified(changed)) if f"{column} of goal 2" in line]
+
+
+def test_sequences_have_oracle_success_and_the_share_of_goals_reached(tmp_path: Path) -> None:
+    site = write_site(tmp_path, GOALS + "  - {id: tour, kind: sequence, goals: [chair, window-corner, bed]}\n")
+    missed = run(site, "tour", tmp_path / "missed")
+    with closing(sqlite3.connect(tmp_path / "missed" / "vsnbench.db")) as database, database:
+        database.execute("UPDATE episode SET legs = json_set(legs, '$[1].success', json('false'))")
+        database.execute("UPDATE verdict SET success = 0")
+    rows = read(missed.database_url, Selection()).legs
+    shown = [(row["rate"].successes, row["mean_oracle_success"], row["progress"]) for row in rows]
+    assert shown == [(1, 1.0, None), (0, 1.0, None), (1, 1.0, None), (0, 1.0, pytest.approx(2 / 3))]
+    wandered = run(site, "tour", tmp_path / "wandered", model="random")
+    with open_record(wandered.database_url) as engine:
+        episode, steps = episode_record(engine, 1), episode_steps(engine, 1)
+        measured = measures_of(engine, episode)
+    (start,) = [start.pose for start in load_site(site).starts if start.number == 1]
+    poses = [start, *(step.world.pose for step in steps if step.world is not None)]
+    reached, first = [], 0
+    for leg in episode.legs:
+        region = success_region(load_site(site), leg.goal, ProtocolParameters())
+        last = first + leg.actions
+        kept = poses[first : last if leg.end_reason == "collision" else last + 1]
+        reached.append(any(region.covers(shapely.Point(pose.position)) for pose in kept))
+        first = last
+    rows = read(wandered.database_url, Selection()).legs
+    expected = [*map(float, reached), *[0.0] * (3 - len(reached))]
+    assert [row["mean_oracle_success"] for row in rows] == [*expected, float(all(expected))]
+    assert measured.oracle_success is all(expected)

@@ -11,6 +11,7 @@ import pytest
 from tests.docs.json_outputs import faults
 from tests.robots.floor_images import FISHEYE_FOV_DEG, FOV_DEG, HEIGHT_M, ROLL_DEG, TILT_DEG, write_profile
 from vsnbench.robots.profiles import load_profile
+from vsnbench.values.camera import CameraRole
 
 Typed = Callable[..., "subprocess.CompletedProcess[str]"]
 COMPRESSED = {"color": "/camera/color/image_raw/compressed", "depth": "/camera/depth/image_raw/compressedDepth"}
@@ -34,11 +35,13 @@ def corrects_the_profile(environment: Mapping[str, str], path: Path, kind: str, 
     printed = json.loads(done.stdout)
     assert printed["written"]
     assert faults("robots-calibrate", printed) == []
-    camera = load_profile(profile).camera
-    assert camera.mount_height_m == pytest.approx(HEIGHT_M, abs=0.01)
-    assert camera.tilt_deg == pytest.approx(TILT_DEG, abs=0.3)
-    assert camera.roll_deg == pytest.approx(ROLL_DEG, abs=0.3)
-    assert camera.horizontal_fov_deg == pytest.approx(FOV_DEG, abs=0.01)
+    corrected = load_profile(profile)
+    for camera in (corrected.camera, corrected.cameras[CameraRole.LEFT]):
+        assert camera.mount_height_m == pytest.approx(HEIGHT_M, abs=0.01)
+        assert camera.tilt_deg == pytest.approx(TILT_DEG, abs=0.3)
+        assert camera.roll_deg == pytest.approx(ROLL_DEG, abs=0.3)
+        assert camera.horizontal_fov_deg == pytest.approx(FOV_DEG, abs=0.01)
+    assert {"tilt_deg", "left.tilt_deg"} <= set(printed["corrections"])
     assert "# measured by eye" in profile.read_text()
 
 
@@ -70,6 +73,10 @@ def finds_the_camera_askew(environment: Mapping[str, str], path: Path, kind: str
     assert found["camera tilt"][1].startswith(("-5.", "-4.9"))
     assert found["/camera/depth/camera_info"][0] == "warning"
     assert "58.0°; the profile has 60°" in found["/camera/depth/camera_info"][1]
+    assert {found[f"left camera {what}"][0] for what in ("height", "tilt", "roll")} == {"failed"}
+    assert found["left camera forward"][1].startswith("0 m, 0.1 m to the left, turned by 90°")
+    others = ("/camera_left/depth/camera_info", "left colour image", "left depth invalid", "left pairs")
+    assert {found[what][0] for what in others} == {"ok"}
 
 
 def names_a_contradiction(environment: Mapping[str, str], path: Path, kind: str) -> None:

@@ -1,4 +1,4 @@
-"""Images of a tilted camera with a lens over a bare floor, for ROS 1 and ROS 2."""
+"""Images of a tilted camera with a lens over a bare floor, and of the same to the left, for ROS 1 and ROS 2."""
 
 import math
 import struct
@@ -32,8 +32,12 @@ camera:
   horizontal_fov_deg: {fov_deg} # from the data sheet
   mount_height_m: 0.60 # measured by eye
   depth_min_m: 0.3
+cameras:
+  left: {{width: 160, height: 120, horizontal_fov_deg: 58, mount_height_m: 0.55, mount_left_m: 0.1, yaw_deg: 90}}
 interface: {{kind: {kind}, color: {color}, depth: {depth}, color_info: /camera/color/camera_info,
-  depth_info: {depth_info}, depth_frames: 5}}
+  depth_info: {depth_info}, depth_frames: 5, cameras: {{left: {{color: /camera_left/color/image_raw,
+  color_info: /camera_left/color/camera_info, depth: /camera_left/depth/image_raw,
+  depth_info: /camera_left/depth/camera_info}}}}}}
 """
 
 

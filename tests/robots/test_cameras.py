@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 
 from tests.cli.console import vsnbench
+from tests.cli.test_record_verbs import vsnbench as record_verb
 from tests.models.remote.servers import stub_server
 from tests.runner.episode.test_continuous import LANE, TURTLEBOT, Record
 from vsnbench.errors import RobotError
@@ -26,10 +27,8 @@ from vsnbench.models.remote.vsnbench_policy import WireError
 from vsnbench.models.synthetic import synthetic_observation
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.directory import ResultsDirectory
-from vsnbench.robots.profiles import profile_path
+from vsnbench.robots.profiles import load_profile, profile_path
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.ros.common.interface import require_interface
-from vsnbench.ros.ros1.interface import Ros1Interface
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
@@ -225,6 +224,26 @@ def written(directory: Path) -> Path:
     return path
 
 
+def record_of_cameras(directory: Path) -> None:
+    """Write an episode of four steps with cameras ahead, to the left and at the rear."""
+    robot = f"simulated:{written(directory)}"
+    model = "tests.robots.test_cameras:LooksLeft"
+    done = record_verb(directory, "run", "--robot", robot, "--goal", "chair", "--starts", "1", "--model", model, "-q")
+    assert done.returncode == 0, done.stderr
+
+
+def with_left_camera(path: Path, source: Path) -> Path:
+    """Write a profile with a camera that looks to the left, on the topics of the tests' nodes."""
+    yaml = YAML()
+    content = yaml.load(source.read_text(encoding="utf-8"))
+    content["cameras"] = {"left": {**content["camera"], "yaw_deg": 90}}
+    names = {"color": "camera_left/color/image_raw", "depth": "camera_left/depth/image_raw"}
+    slash = "/" if content["interface"]["kind"] == "ros1" else ""
+    content["interface"]["cameras"] = {"left": {part: slash + name for part, name in names.items()}}
+    yaml.dump(content, path)
+    return path
+
+
 def test_a_run_records_every_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     results = tmp_path / "results"
     words = ["run", "--robot", f"simulated:{written(tmp_path)}", "--goal", "chair", "--starts", "1"]
@@ -276,8 +295,10 @@ def test_profiles_without_further_cameras_keep_their_hash() -> None:
     assert TURTLEBOT.model_copy(update={"cameras": {}}).sha256 == TURTLEBOT.sha256 != FOUR.sha256
 
 
-def test_topics_of_a_camera_that_the_profile_lacks_are_refused() -> None:
-    names = {**TURTLEBOT.content()["interface"], "cameras": {"left": {"color": "/left/image"}}}
-    profile = TURTLEBOT.model_copy(update={"interface": Ros1Interface(**names)})
+def test_topics_of_a_camera_that_the_profile_lacks_are_refused(tmp_path: Path) -> None:
+    yaml = YAML()
+    content = yaml.load(profile_path("turtlebot2").read_text(encoding="utf-8"))
+    content["interface"]["cameras"] = {"left": {"color": "/left/image"}}
+    yaml.dump(content, tmp_path / "robot.yaml")
     with pytest.raises(RobotError, match="has topics of a left camera"):
-        require_interface(profile, "ros1", Ros1Interface, "turtlebot2")
+        load_profile(tmp_path / "robot.yaml")

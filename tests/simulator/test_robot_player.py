@@ -9,6 +9,7 @@ from vsnbench.control.command import Command
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.robot_player import BATTERY_FULL_H, RobotPlayer, SimulationOptions, battery_share
 from vsnbench.sites.site import SiteObject
+from vsnbench.values.camera import CameraRole
 from vsnbench.values.robot_profile import BaseDynamics
 
 ROOM = square_room(
@@ -86,3 +87,15 @@ def test_the_account_describes_the_simulation(player: RobotPlayer) -> None:
     assert account.odometry_rate_hz == turtlebot2().base.odometry_rate_hz
     assert {"base", "noise"} <= set(account.conditions)
     assert player.categories == {1: "bed"}
+
+
+def test_only_watched_cameras_are_rendered(outlet: Outlet) -> None:
+    profile = turtlebot2()
+    small = profile.camera.model_copy(update={"width": 64, "height": 48, "mount_forward_m": 0.0})
+    sides = {
+        role: small.model_copy(update={"yaw_deg": deg}) for role, deg in ((CameraRole.LEFT, 90), (CameraRole.REAR, 180))
+    }
+    several = profile.model_copy(update={"camera": small, "cameras": sides})
+    player = RobotPlayer(ROOM, several, SimulationOptions(), outlet, 30.0, 0.6)
+    for watched in ({CameraRole.FRONT}, {CameraRole.LEFT}, {CameraRole.FRONT, CameraRole.LEFT, CameraRole.REAR}):
+        assert set(player._picture(frozenset(watched)).cameras) == watched - {CameraRole.FRONT}

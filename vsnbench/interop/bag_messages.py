@@ -49,23 +49,23 @@ class Messages:
         """Return a std_msgs/String."""
         return self._types["std_msgs/msg/String"](text)
 
-    def jpeg(self, number: int, time_ns: int, data: bytes) -> Any:
+    def jpeg(self, number: int, time_ns: int, data: bytes, frame: str = CAMERA_FRAME) -> Any:
         """Return a colour image with the recorded compression."""
-        header = self._header(number, time_ns, CAMERA_FRAME)
+        header = self._header(number, time_ns, frame)
         return self._types["sensor_msgs/msg/CompressedImage"](header, "jpeg", np.frombuffer(data, np.uint8))
 
-    def depth(self, number: int, time_ns: int, depth_mm: Any) -> Any:
+    def depth(self, number: int, time_ns: int, depth_mm: Any, frame: str = CAMERA_FRAME) -> Any:
         """Return a depth image (H, W) of uint16 millimetres."""
         height, width = depth_mm.shape
         data = np.ascontiguousarray(depth_mm, dtype="<u2").view(np.uint8).ravel()
-        header = self._header(number, time_ns, CAMERA_FRAME)
+        header = self._header(number, time_ns, frame)
         return self._types["sensor_msgs/msg/Image"](header, height, width, "16UC1", 0, width * 2, data)
 
-    def camera_info(self, number: int, time_ns: int, camera: Camera) -> Any:
-        """Return the calibration of the profile's ideal pinhole camera."""
+    def camera_info(self, number: int, time_ns: int, camera: Camera, frame: str = CAMERA_FRAME) -> Any:
+        """Return the calibration of an ideal pinhole camera of the profile."""
         focal, (cx, cy) = camera.focal_px, camera.center_px
         return self._types["sensor_msgs/msg/CameraInfo"](
-            self._header(number, time_ns, CAMERA_FRAME),
+            self._header(number, time_ns, frame),
             camera.height,
             camera.width,
             "plumb_bob",
@@ -101,10 +101,10 @@ class Messages:
         """Return the transform from the site (`map`) to the start of the episode, the origin of `odom`."""
         return self._transform(0, time_ns, "map", "odom", (start.x_m, start.y_m, 0.0), _about_z(start))
 
-    def camera_on_base(self, time_ns: int, camera: Camera) -> Any:
-        """Return the transform from the base to the camera's optical frame: x right, y down, z forward."""
-        where = camera.mount_forward_m, 0.0, camera.mount_height_m
-        return self._transform(0, time_ns, BASE_FRAME, CAMERA_FRAME, where, optical_turn(camera.tilt_deg))
+    def camera_on_base(self, time_ns: int, camera: Camera, frame: str = CAMERA_FRAME) -> Any:
+        """Return the transform from the base to a camera's optical frame: x right, y down, z forward."""
+        where = camera.mount_forward_m, camera.mount_left_m, camera.mount_height_m
+        return self._transform(0, time_ns, BASE_FRAME, frame, where, optical_turn(camera.tilt_deg, camera.yaw_deg))
 
     def _transform(
         self, number: int, time_ns: int, parent: str, child: str, where: tuple[float, float, float], turn: Quaternion
@@ -123,12 +123,15 @@ class Messages:
         return self._types["geometry_msgs/msg/Quaternion"](*turn)
 
 
-def optical_turn(tilt_deg: float) -> Quaternion:
-    """Return the rotation from a base (x forward, y left, z up) to the optical frame of a tilted camera."""
+def optical_turn(tilt_deg: float, yaw_deg: float = 0.0) -> Quaternion:
+    """Return the rotation from a base (x forward, y left, z up) to the optical frame of a turned and tilted camera."""
     half_rad = -math.radians(tilt_deg) / 2
     s, c = math.sin(half_rad) / 2, math.cos(half_rad) / 2
     # (0, sin, 0, cos), the pitch, times (-1/2, 1/2, -1/2, 1/2), the change of axes.
-    return (-c - s, c + s, -c + s, c - s)
+    x, y, z, w = -c - s, c + s, -c + s, c - s
+    half_yaw_rad = math.radians(yaw_deg) / 2
+    sin, cos = math.sin(half_yaw_rad), math.cos(half_yaw_rad)
+    return (cos * x - sin * y, cos * y + sin * x, cos * z + sin * w, cos * w - sin * z)
 
 
 def _about_z(pose: Pose) -> Quaternion:

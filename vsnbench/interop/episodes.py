@@ -15,7 +15,7 @@ from vsnbench.results.files.images import tum_line
 from vsnbench.results.model import Episode
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import list_episodes
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.step import StepRecord, lasted_s
 
 _NO_EPISODE_LASTS_S = 1e8
@@ -57,12 +57,13 @@ def read_episodes(
     return found
 
 
-def camera_of(profile: Mapping[str, Any]) -> Camera | None:
-    """Return the camera of a recorded robot; None if it is unknown, as in imports."""
+def cameras_of(profile: Mapping[str, Any]) -> dict[CameraRole, Camera]:
+    """Return the cameras of a recorded robot by role; nothing if they are unknown, as in imports."""
     try:
-        return Camera.model_validate(profile.get("camera"))
-    except ValidationError:
-        return None
+        main, further = Camera.model_validate(profile.get("camera")), profile.get("cameras") or {}
+        return {CameraRole.FRONT: main} | {CameraRole(role): Camera.model_validate(further[role]) for role in further}
+    except (ValidationError, ValueError, TypeError):
+        return {}
 
 
 def write_tum(episode: Episode, steps: Iterable[StepRecord], path: Path) -> int:

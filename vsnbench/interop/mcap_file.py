@@ -7,7 +7,7 @@ from vsnbench.errors import UsageError
 from vsnbench.files.atomic import atomic_file
 from vsnbench.installation import command_to_add
 from vsnbench.interop.bag_messages import Messages, type_store
-from vsnbench.interop.recorded_messages import KINDS, recorded_messages
+from vsnbench.interop.recorded_messages import kinds_of, recorded_messages
 from vsnbench.results.model import EpisodeRecord
 from vsnbench.values.step import StepRecord
 
@@ -29,19 +29,20 @@ def write_mcap(
     except ImportError as error:
         raise UsageError("MCAP files require the library mcap", advice=command_to_add("bags")) from error
     store, channels = type_store(ros2=True), dict[str, int]()
-    counts = dict.fromkeys(KINDS, 0)
+    kinds = kinds_of(episode)
+    counts = dict.fromkeys(kinds, 0)
     with atomic_file(path) as part, part.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="vsnbench")
         schemas = {}
-        for topic, kind in KINDS.items():
+        for topic, kind in kinds.items():
             if kind not in schemas:
                 definition, _ = store.generate_msgdef(kind, ros_version=2)
                 schemas[kind] = writer.register_schema(kind, "ros2msg", definition.encode())
             channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
         writer.add_metadata("vsnbench", _about(episode))
         for topic, time_ns, message in recorded_messages(episode, steps, results_directory, Messages(store)):
-            content = bytes(store.serialize_cdr(message, KINDS[topic]))
+            content = bytes(store.serialize_cdr(message, kinds[topic]))
             writer.add_message(channels[topic], time_ns, content, time_ns, counts[topic])
             counts[topic] += 1
         writer.finish()  # type: ignore[no-untyped-call]

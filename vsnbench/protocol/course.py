@@ -104,8 +104,14 @@ class CourseMap:
         return Approach(
             in_view=self._in_view(targets, poses, places),
             remaining_m=space.geodesics_to_goal_m(places, goal, self._parameters),
-            reached=np.asarray(shapely.intersects_xy(region, places[:, 0], places[:, 1]), bool),
+            reached=_within(region, places),
         )
+
+    def reached(self, goal: str, poses: Sequence[Pose]) -> Flags | None:
+        """Return by pose (n,) whether STOP would succeed; None without targets, as for a sequence."""
+        if (found := self._of_goal(goal)) is None:
+            return None
+        return _within(found[1], np.array([pose.position for pose in poses], np.float64).reshape(-1, 2))
 
     def clearances_m(self, poses: Sequence[Pose]) -> Floats:
         """Return the distances between the edge of the base and the nearest solid of the map.
@@ -167,3 +173,7 @@ class CourseMap:
                 lines = shapely.linestrings(np.stack([places[facing], ends[facing]], axis=1))
                 seen[facing] = ~np.asarray(shapely.intersects(walls, lines), bool)
         return seen
+
+
+def _within(region: BaseGeometry, places: Floats) -> Flags:
+    return np.asarray(shapely.intersects_xy(region, places[:, 0], places[:, 1]), bool)

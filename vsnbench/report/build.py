@@ -11,7 +11,7 @@ from sqlalchemy import Engine
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.protocol.execution import STACK
-from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_legs, read_robots, read_stops
+from vsnbench.report.analysis.activity import Activity, Rows, read_actions, read_robots, read_stops
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, read_report_data
 from vsnbench.report.analysis.judgements import read_judgements, read_rater_agreements
@@ -34,6 +34,7 @@ from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.text.sanitize import sanitize
 from vsnbench.text.suggestions import unknown_name
+from vsnbench.values.goal import GoalKind
 
 if TYPE_CHECKING:  # success tables need little: the modules of the others are imported where those are made
     from vsnbench.report.analysis.courses import Examined
@@ -65,7 +66,11 @@ def _read(
             from vsnbench.report.analysis.courses import with_stacks
 
             record = with_stacks(engine, record, {} if examined is None else examined)
-        return replace(record, legs=read_legs(engine, record))
+        if any(goal.kind is GoalKind.SEQUENCE for goal in record.goals.values()):
+            from vsnbench.report.analysis.sequences import read_legs
+
+            return replace(record, legs=read_legs(engine, record))
+        return record
     everything = read_report_data(engine, Selection(), results_directory, for_success=True)
     if not everything.conditions:
         raise RecordError(

@@ -2,8 +2,7 @@
 
 import io
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,14 @@ from vsnbench.errors import RobotError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.robots.checkup.mount import FREE_FLOOR_ADVICE, MountDifference, mount_on
 from vsnbench.robots.ros.link import connect
-from vsnbench.ros.common.robot_link import RobotLink
+from vsnbench.ros.common.interface import CameraTopics
+from vsnbench.ros.common.robot_link import MOST_FURTHER_IMAGES, RobotLink
 from vsnbench.sensing.images.camera_images import Stamped, decode_depth, median_depth_m
 from vsnbench.sensing.images.floor_plane import Measured, NoFloorError
 from vsnbench.sensing.images.intrinsics import FOV_SHARE, Intrinsics
 from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
-from vsnbench.values.camera import Camera
+from vsnbench.sensing.robot_reports import RobotSnapshot
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import LEVEL, Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -31,26 +32,24 @@ _FOV_STD_DEG = 0.1
 _DIGITS = {"mount_height_m": 3, "tilt_deg": 2, "roll_deg": 2, "horizontal_fov_deg": 2}
 
 
-@dataclass(frozen=True, slots=True)
-class CameraCalibration:
-    """Measured quantities of a camera and their values in the profile."""
-
-    differences: tuple[MountDifference, ...]
-
-    @property
-    def corrections(self) -> dict[str, float]:
-        """New values of fields of the camera whose error exceeds the uncertainty of the measurement."""
-        return {
-            difference.field: round(difference.measured.value, _DIGITS[difference.field])
-            for difference in self.differences
-            if abs(difference.measured.value - difference.profile) > difference.measured.std
-        }
+def corrections_of(differences: Mapping[str, MountDifference]) -> dict[str, float]:
+    """Return new values of those fields whose error exceeds the uncertainty of the measurement."""
+    return {
+        name: round(difference.measured.value, _DIGITS[difference.field])
+        for name, difference in differences.items()
+        if abs(difference.measured.value - difference.profile) > difference.measured.std
+    }
 
 
-def calibrate(profile: RobotProfile) -> CameraCalibration:
-    """Measure the mount of a camera by the floor, and read its field of view from camera_info.
+def calibrate(profile: RobotProfile) -> dict[str, MountDifference]:
+    """Measure the mounts of the cameras by the floor, and read their fields of view from camera_info.
 
-    The robot does not move and should face about 2 m of free floor.
+    The robot does not move and should have about 2 m of free floor in front of each camera. Further cameras without a
+    depth topic are left out, with a warning.
+
+    Returns:
+        The measured quantities by field of the profile: `tilt_deg` of the main camera, `left.tilt_deg` of that to the
+        left, and so on.
 
     Raises:
         RobotError: no images arrive, or they show no floor.
@@ -62,22 +61,40 @@ def calibrate(profile: RobotProfile) -> CameraCalibration:
             code="no-depth",
         )
     link = connect(profile)
+    measured: dict[str, MountDifference] = {}
     try:
-        fov = _field_of_view(link, profile.camera)
-        camera = profile.camera
-        if fov is not None:
-            camera = camera.model_copy(update={"horizontal_fov_deg": fov.measured.value})
         attitude = _attitude(link)
-        depth_m = _depth_m(link, camera, attitude)
-    finally:
-        link.close()
-    try:
-        differences = mount_on(depth_m, camera, attitude)
+        for role, topics in link.names.camera_topics.items():
+            camera = profile.camera if role is CameraRole.FRONT else profile.cameras[role]
+            if not topics.depth:
+                logger.warning("the %s camera has no depth topic: its mount is not measured", role)
+                continue
+            prefix = "" if role is CameraRole.FRONT else f"{role}."
+            for difference in _calibrated(link, camera, topics, attitude):
+                measured[f"{prefix}{difference.field}"] = difference
     except NoFloorError as error:
         raise RobotError(
-            f"the mount of the camera cannot be measured: {error}", advice=FREE_FLOOR_ADVICE, code="no-floor"
+            f"the mount of the {role} camera cannot be measured: {error}", advice=FREE_FLOOR_ADVICE, code="no-floor"
         ) from error
-    return CameraCalibration((*differences, *(() if fov is None else (fov,))))
+    finally:
+        link.close()
+    return measured
+
+
+def _calibrated(
+    link: RobotLink, camera: Camera, topics: CameraTopics, attitude: Attitude
+) -> tuple[MountDifference, ...]:
+    """Return the measured quantities of one camera.
+
+    Raises:
+        RobotError: no images arrive.
+        NoFloorError: they show no floor.
+    """
+    fov = _field_of_view(link, camera, topics)
+    if fov is not None:
+        camera = camera.model_copy(update={"horizontal_fov_deg": fov.measured.value})
+    differences = mount_on(_depth_m(link, camera, topics.depth, attitude), camera, attitude)
+    return (*differences, *(() if fov is None else (fov,)))
 
 
 def _attitude(link: RobotLink) -> Attitude:
@@ -96,21 +113,21 @@ def _attitude(link: RobotLink) -> Attitude:
     return attitudes[-1].payload
 
 
-def _depth_m(link: RobotLink, camera: Camera, attitude: Attitude) -> npt.NDArray[np.float32]:
-    """Return the median of the robot's next depth images, rectified to `camera`.
+def _depth_m(link: RobotLink, camera: Camera, topic: str, attitude: Attitude) -> npt.NDArray[np.float32]:
+    """Return the median of the robot's next depth images on a topic, rectified to `camera`.
 
     Raises:
         RobotError: no depth images arrive, or they do not fit the profile.
     """
-    topic = link.names.depth
-    frames = _last_depths(link, link.names.depth_frames)
+    is_main = topic == link.names.depth
+    frames = _last_depths(link, topic, link.names.depth_frames if is_main else MOST_FURTHER_IMAGES)
     decoded = [decode_depth(link.image(frame.payload)) for frame in frames]
     height, width = decoded[-1].shape[:: -1 if link.image_turns % 2 else 1]
     calibration = link.snapshot().calibrations.get(topic)
-    of_own_size = is_of_own_size(calibration, camera, decoded[-1].shape[::-1], link.image_turns)
+    of_own_size = is_main and is_of_own_size(calibration, camera, decoded[-1].shape[::-1], link.image_turns)
     if (width, height) != (camera.width, camera.height) and not of_own_size:
         raise RobotError(
-            f"the depth image is {width}x{height}, the profile has {camera.width}x{camera.height}",
+            f"the depth image on {topic} is {width}x{height}, the profile has {camera.width}x{camera.height}",
             advice="set the mode of the camera driver, or the camera of the profile",
             code="wrong-image-size",
         )
@@ -118,32 +135,37 @@ def _depth_m(link: RobotLink, camera: Camera, attitude: Attitude) -> npt.NDArray
     return rectifier.depth(median_depth_m(decoded, camera.depth_min_m, camera.depth_max_m))
 
 
-def _last_depths(link: RobotLink, count: int) -> Sequence[Stamped[Any]]:
-    """Return the last depth images, once there are as many.
+def _last_depths(link: RobotLink, topic: str, count: int) -> Sequence[Stamped[Any]]:
+    """Return the last depth images on a topic, once there are as many.
 
     Raises:
         RobotError: they do not arrive.
     """
-    frames = link.wait_for(lambda now: now.depths[-count:] if len(now.depths) >= count else (), _PATIENCE_S)
+
+    def newest(now: RobotSnapshot) -> Sequence[Stamped[Any]]:
+        images = now.depths if topic == link.names.depth else now.further.get(topic, ())
+        return images[-count:] if len(images) >= count else ()
+
+    frames = link.wait_for(newest, _PATIENCE_S)
     if not frames:
         raise RobotError(
-            f"no depth images on {link.names.depth} for {_PATIENCE_S:.0f} s",
+            f"no depth images on {topic} for {_PATIENCE_S:.0f} s",
             advice="check the camera driver",
             code="no-image",
         )
     return frames
 
 
-def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
+def _field_of_view(link: RobotLink, camera: Camera, topics: CameraTopics) -> MountDifference | None:
     """Return the field of view in camera_info, or None."""
-    topic = link.names.depth
-    (newest,) = _last_depths(link, 1)  # the camera has to be discovered first
+    topic = topics.depth
+    (newest,) = _last_depths(link, topic, 1)  # the camera has to be discovered first
     calibration = link.wait_for(lambda now: now.calibrations.get(topic), _CALIBRATION_S)
     if not isinstance(calibration, Intrinsics):
-        if link.names.depth_info and calibration is None:
+        if topics.depth_info and calibration is None:
             logger.warning(
                 "no camera_info on %s within %g s: the field of view of the profile is used",
-                *(link.names.depth_info, _CALIBRATION_S),
+                *(topics.depth_info, _CALIBRATION_S),
             )
         return None
     if calibration.is_fisheye:
@@ -156,7 +178,7 @@ def _field_of_view(link: RobotLink, camera: Camera) -> MountDifference | None:
 
 
 def write_corrections(source: Path, target: Path, corrections: dict[str, float]) -> None:
-    """Write a profile with other values of its camera to `target`; comments stay.
+    """Write a profile with other values of its cameras, by the names of `calibrate`, to `target`; comments stay.
 
     Raises:
         RobotError: the profile has no camera, or the file cannot be written.
@@ -170,7 +192,9 @@ def write_corrections(source: Path, target: Path, corrections: dict[str, float])
     if "camera" not in content:
         raise RobotError(f"{source} has no camera", code="no-camera")
     for name, value in corrections.items():
-        content["camera"][name] = value
+        role, _, field = name.rpartition(".")
+        camera = content["cameras"][role] if role else content["camera"]
+        camera[field] = value
     text = io.StringIO()
     yaml.dump(content, text)
     write_atomic(target, text.getvalue().encode(), RobotError)

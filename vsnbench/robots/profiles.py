@@ -1,6 +1,9 @@
 """Reads robot profiles: embedded profiles by name, others by the path of their YAML file."""
 
 from pathlib import Path
+from typing import Self
+
+from pydantic import model_validator
 
 from vsnbench.errors import RobotError, UsageError
 from vsnbench.robots.ros.interface_kinds import KnownInterface
@@ -14,6 +17,13 @@ class _ProfileFile(RobotProfile):
     """A profile with a validated interface."""
 
     interface: KnownInterface | None = None
+
+    @model_validator(mode="after")
+    def _with_cameras_of_topics(self) -> Self:
+        if unknown := set(getattr(self.interface, "cameras", ())) - set(self.cameras):
+            role = min(unknown)
+            raise ValueError(f"interface.cameras has topics of a {role} camera, but cameras has none: state its mount")
+        return self
 
 
 _DIRECTORY = Path(__file__).with_name("profiles")

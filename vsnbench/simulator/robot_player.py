@@ -60,7 +60,7 @@ class CameraImages:
     instances: npt.NDArray[np.uint16]
     """(H, W) 1-based index of the site's object; 0 for the building."""
     cameras: "Mapping[CameraRole, CameraImages]" = field(default_factory=dict)
-    """Those of the further cameras."""
+    """Those of the further cameras that have a receiver."""
 
 
 class RobotOutlet(Protocol):
@@ -84,8 +84,8 @@ class RobotOutlet(Protocol):
     def publish_contact(self, _before: Contact | None, now: Contact | None) -> None:
         """Called when a contact begins, changes or ends."""
 
-    def wants_pictures(self) -> bool:
-        """Whether the images have a receiver."""
+    def watched_cameras(self) -> frozenset[CameraRole]:
+        """Roles of the cameras whose images have a receiver; only those are rendered."""
 
     def publish_picture(self, picture: CameraImages) -> None:
         """Called with each set of images."""
@@ -140,7 +140,7 @@ class RobotPlayer:
 
     def start(self) -> None:
         """Start the threads after a first image, which may take seconds to compile code."""
-        self._picture()
+        self._picture(frozenset())
         for thread in self._threads:
             thread.start()
 
@@ -225,16 +225,16 @@ class RobotPlayer:
         period_s = 1 / self._camera_rate_hz / self._options.rate_factor
         due_s = time.monotonic()
         while not self._closed.is_set():
-            if self._outlet.wants_pictures():
-                self._outlet.publish_picture(self._picture())
+            if watched := self._outlet.watched_cameras():
+                self._outlet.publish_picture(self._picture(watched))
             due_s = max(due_s + period_s, time.monotonic() - period_s)
             time.sleep(max(due_s - time.monotonic(), 0))
 
-    def _picture(self) -> CameraImages:
+    def _picture(self, watched: frozenset[CameraRole]) -> CameraImages:
         with self._lock:
             pose, attitude, now_s = self._base.pose, self._base.attitude, self._base.now_s
-        further = self._profile.cameras.items()
-        cameras = {role: self._images_of(camera, pose, attitude, now_s) for role, camera in further}
+        further = {role: camera for role, camera in self._profile.cameras.items() if role in watched}
+        cameras = {role: self._images_of(camera, pose, attitude, now_s) for role, camera in further.items()}
         return replace(self._images_of(self._profile.camera, pose, attitude, now_s), cameras=cameras)
 
     def _images_of(self, camera: Camera, pose: Pose, attitude: Attitude, now_s: float) -> CameraImages:

@@ -12,7 +12,7 @@ import pytest
 from tests.report.records import Attempt, Lab
 from vsnbench.errors import UsageError
 from vsnbench.interop.episodes import read_episodes
-from vsnbench.interop.lerobot.frames import ACTIONS, NOT_EXPORTABLE, EpisodeFrames, frames_of, task_text
+from vsnbench.interop.lerobot.frames import ACTIONS, CAMERA, NOT_EXPORTABLE, EpisodeFrames, frames_of, task_text
 from vsnbench.results.model import Episode
 from vsnbench.values.action import Action
 from vsnbench.values.goal import GoalKind
@@ -66,7 +66,7 @@ def test_actions_are_what_the_robot_did_in_its_own_frame(episode: Episode, tmp_p
     assert found.blocked.tolist() == [False, True, True, False]
     assert [ACTIONS[index] for index in found.discrete_action] == [step.action for step in STEPS]
     assert found.robot_time_s.tolist() == [0, 2.5, 3, 4]
-    assert (found.color.sizes, found.depth) == ({(6, 4)}, None)
+    assert {name: images.sizes for name, images in found.images.items()} == {CAMERA: {(6, 4)}}
 
 
 def refused(episode: Episode, root: Path, steps: Sequence[StepRecord] = STEPS, *, with_depth: bool) -> str:

@@ -11,7 +11,8 @@ from tests.results.studies_of_a_lab import apply_merge, lock
 from vsnbench import open_results
 from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.report.analysis.courses import measures_of, read_courses
+from vsnbench.report.analysis.courses import measures_of
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.reading.blinding import HIDDEN_COLUMNS, hide_steps
 from vsnbench.results.reading.queries import EpisodeFilter, episode_record, episode_steps, list_episodes

@@ -4,12 +4,14 @@ import math
 
 import pytest
 
-from vsnbench.robots.checkup.checks import clock_results, rate_result, turn_result
+from vsnbench.robots.checkup.checks import clock_results, moment_results, rate_result, turn_result
 from vsnbench.robots.checkup.result import CheckResult
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.image_timing import rate_needed_hz
+from vsnbench.ros.common.interface import CameraTopics
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.camera import CameraRole
 
 NAMES = ros1_interface(load_profile("turtlebot2"))
 
@@ -131,3 +133,23 @@ def test_a_camera_too_slow_for_an_observation_fails_with_the_rate_it_needs(rate_
     assert result.health == health
     assert ("an observation needs 3.0 Hz" in result.seen) == (health == "failed")
     assert f"{rate_hz:.1f} Hz" in result.seen
+
+
+@pytest.mark.parametrize(
+    ("front_hz", "left_hz", "late_s", "health"),
+    [(30, 30, 0.03, "ok"), (10, 5, 0.0, "warning"), (5, 5, 0.06, "failed"), (30, 15, 0.0, "ok")],
+    ids=["one moment", "unequal rates", "apart", "half the rate within 50 ms"],
+)
+def test_cameras_of_unequal_rates_are_named(front_hz: float, left_hz: float, late_s: float, health: str) -> None:
+    topics = CameraTopics(color="/left/image")
+    names = NAMES.model_copy(update={"cameras": {CameraRole.LEFT: topics}})
+    stamps = {NAMES.color: (front_hz, 0.0), topics.color: (left_hz, late_s)}
+    messages = {
+        topic: TopicMessages(*(2 * [[at / hz + late for at in range(int(2 * hz))]]))
+        for topic, (hz, late) in stamps.items()
+    }
+    (result,) = moment_results(names, messages)
+    assert (result.what, result.health) == ("left pairs", health)
+    if health != "ok":
+        assert f"the front camera has {front_hz}.0 Hz, this one {left_hz}.0 Hz" in result.seen
+        assert result.advice

@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from tests.processes import wait_until
 from tests.robots.client import ClientError
-from tests.robots.test_cameras import written
+from tests.robots.test_cameras import with_left_camera, written
 from tests.ros.ros2.graph import HERE, PROFILE, client_of, live_graph, send_line
 
 pytestmark = pytest.mark.ros2
@@ -19,23 +19,12 @@ ATTEMPTS = 4
 """On a machine with other work a sensor may fall silent for a second: the episode is void, and is run again."""
 
 
-def with_left_camera(path: Path, source: Path = PROFILE) -> Path:
-    """Write the profile of the tests' base with a camera that looks to the left."""
-    yaml = YAML()
-    content = yaml.load(source.read_text(encoding="utf-8"))
-    content["cameras"] = {"left": {**content["camera"], "yaw_deg": 90}}
-    topics = {"color": "camera_left/color/image_raw", "depth": "camera_left/depth/image_raw"}
-    content["interface"]["cameras"] = {"left": topics}
-    yaml.dump(content, path)
-    return path
-
-
 def test_images_30_ms_apart_are_paired_and_60_ms_apart_refused(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         robot = graph.start(HERE / "nodes" / "robot.py")
         wait_until(lambda: "up" in robot.output, "the robot is up")
         send_line(robot, "apart 0.03")
-        client = client_of(graph, with_left_camera(tmp_path / "left.yaml"))
+        client = client_of(graph, with_left_camera(tmp_path / "left.yaml", PROFILE))
         try:
             client("begin", 0.0, 0.0, 0.0)
             ((apart_s, shape, depth_m),) = client("observe")["cameras"].values()

@@ -57,12 +57,12 @@ def start_stack(graph: Graph2) -> Iterator[StartStack]:
         server.end()
 
 
-def run(graph: Graph2, directory: Path, ways: str, *words: str) -> tuple[Process, list[tuple]]:
+def run(graph: Graph2, directory: Path, ways: str, *words: str, robot: str = "") -> tuple[Process, list[tuple]]:
     """Run a trial of a stack, and return the command and the ends of its episodes."""
     file = directory / "stack.yaml"
     file.write_text(f'name: theirs\nversion: "1"\n{ways}\n')
     done = graph.vsnbench(
-        *("run", "--robot", robot_of(graph), "--model", f"stack:{file}", "--goal", "sofa", "--starts", "8"),
+        *("run", "--robot", robot or robot_of(graph), "--model", f"stack:{file}", "--goal", "sofa", "--starts", "8"),
         *("--results", directory / "results", "--fail-fast", *words),
     )
     done.wait(250)
@@ -174,7 +174,7 @@ def test_a_robot_without_odometry_is_refused_before_the_first_trial(
     profile = (graph.directory / "small.yaml").read_text()
     (tmp_path / "silent.yaml").write_text(profile.replace("odometry: odom\n", "odometry: silent_odom\n"))
     assert (tmp_path / "silent.yaml").read_text() != profile
-    done, verdicts = run(graph, tmp_path, ways_of(address), "--robot", f"{tmp_path / 'silent.yaml'}@{ROOT[1:]}")
+    done, verdicts = run(graph, tmp_path, ways_of(address), robot=f"{tmp_path / 'silent.yaml'}@{ROOT[1:]}")
     assert done.popen.returncode != 0
     assert "/robot1/silent_odom" in done.output.splitlines()[-1], done.output
     assert verdicts == []
@@ -279,7 +279,7 @@ def test_a_locked_blind_study_compares_a_policy_with_a_stack(
     study = tmp_path / "study.yaml"
     study.write_text(
         "title: two ways\nquestion: which one finds the sofa more often\n"
-        "arms: {ours: {model: forward}, planned: {model: 'stack:secret_planner.yaml'}}\n"
+        "arms: {ours: {model: forward}, navigator: {model: 'stack:secret_planner.yaml'}}\n"
         f"goals: [sofa]\nstarting_positions: 1-6\nrobot: {robot_of(graph)}\nprotocol: {{max_actions: 6}}\n"
     )
     results = ("--results", tmp_path / "results")
@@ -289,7 +289,7 @@ def test_a_locked_blind_study_compares_a_policy_with_a_stack(
         one.wait(500)
         assert one.popen.returncode == 0, one.output
         said[words[0]] = one.output
-    assert not re.search("theirs|planned|secret_planner", said["run"] + said["report"])
+    assert not re.search("theirs|navigator|secret_planner", said["run"] + said["report"])
     drives = rows(
         tmp_path,
         "select model.name, json_extract(protocol, '$.execution.driver'), count(*) from episode "
@@ -297,4 +297,4 @@ def test_a_locked_blind_study_compares_a_policy_with_a_stack(
         "join model on model.id = model_id group by 1, 2 order by 1",
     )
     assert drives == [("forward", None, 6), ("theirs", "stack", 6)]
-    assert "theirs" in said["unblind"]
+    assert "is navigator" in said["unblind"]

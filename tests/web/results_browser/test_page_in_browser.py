@@ -12,6 +12,8 @@ from tests.cli.chromium import chromium
 from tests.cli.test_record_verbs import vsnbench
 from tests.processes import wait_until
 from tests.results.records_of_a_lab import plan, run, stopped
+from tests.robots.test_cameras import record_of_cameras
+from tests.shared_records import write_copy
 from tests.web.results_browser.filmed_record import make_filmed_record
 from tests.web.results_browser.served_record import HOSTILE, make_record, served
 from vsnbench.results.database_url import sqlite_url
@@ -100,6 +102,25 @@ def test_every_view_is_accessible_and_fits_the_screen(browser: Browser, results:
             for width, height in (WIDE, PHONE):
                 page.set_viewport_size({"width": width, "height": height})
                 assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        page.close()
+
+
+def test_an_episode_shows_the_images_of_each_camera(browser: Browser, tmp_path: Path) -> None:
+    write_copy(tmp_path, record_of_cameras)
+    with served(tmp_path) as address:
+        page = opened(browser, address)
+        page.goto(f"{address.partition('?')[0]}#/episode/1")
+        page.wait_for_selector(".views")
+        page.keyboard.press("ArrowRight")
+        assert page.locator(".views figcaption").all_inner_texts() == ["left", "rear"]
+        sources = [image.get_attribute("src") for image in page.locator(".views img").all()]
+        assert sources == ["images/1/2-left.jpg", "images/1/2-rear.jpg"]
+        loaded = "[...document.querySelectorAll('.views img')].every((image) => image.naturalWidth === 160)"
+        wait_until(lambda: page.evaluate(loaded), "the images are loaded")
+        for width, height in (WIDE, PHONE):
+            page.set_viewport_size({"width": width, "height": height})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert accessibility_findings(page) == []
         page.close()
 
 

@@ -54,6 +54,70 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 @pytest.mark.browser
 @pytest.mark.slow
+def test_points_are_placed_sequences_ordered_and_routes_photographed_along_a_way(tmp_path: Path) -> None:
+    path = tmp_path / "lab.yaml"
+    path.write_text(APARTMENT, encoding="utf-8")
+    with opened(path) as (page, drawn):
+        drawn.add("point", "spot")
+        for place in ((3.0, 3.0), (4.3, 3.5)):  # a second click moves the point
+            drawn.press("Place the point on the plan")
+            drawn.click(place)
+            drawn.press("Back to goal spot")
+        drawn.add("sequence", "tour")
+        for leg in ("chair", "bed", "spot", "toilet"):
+            page.select_option("#field-add-goal", leg)
+        drawn.press("3. spot: earlier")
+        page.keyboard.press("Enter")  # the button of the moved goal has the focus: again
+        drawn.press("4. toilet: remove")
+        drawn.add("route", "way")
+        drawn.press("Draw a way and photograph it")
+        drawn.click((6.0, 1.9), (4.8, 1.9), (4.3, 3.5))
+        page.keyboard.press("Enter")
+        page.get_by_text("4 photographs along 2.9 m.").wait_for()
+        drawn.press("4. lab-way-4.png: earlier")
+        for button, photographs in (("#undo", 0), ("#redo", 4)):
+            page.click(button)
+            page.click(button)
+            shown = page.locator("#goal-list").inner_text()
+            assert f"{photographs} photographs" in shown, "the photographs of a way are one step"
+        page.wait_for_selector("body[data-checked=yes]")
+        assert page.locator("#goal-list .found.error").count() == 0
+        assert accessibility_findings(page) == []
+        saved(page)
+    site = load_site(str(path))
+    goals = {goal.id: goal for goal in site.goals}
+    assert goals["tour"].legs == ("spot", "chair", "bed")
+    assert [target.point for target in goals["spot"].targets] == [pytest.approx((4.3, 3.5), abs=0.03)]
+    assert [target.point for target in goals["way"].targets] == [pytest.approx((4.3, 3.5), abs=0.03)]
+    assert [image.file for image in goals["way"].images] == [f"lab-way{name}.png" for name in ("", "-2", "-4", "-3")]
+    photographs = [image.pixels for image in goals["way"].images]
+    assert all(pixels is not None and pixels.shape == (480, 640, 3) for pixels in photographs)
+    assert len({image.sha256 for image in goals["way"].images}) == 4
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_a_way_is_drawn_with_keys_on_a_narrow_screen(tmp_path: Path) -> None:
+    path = tmp_path / "lab.yaml"
+    path.write_text(APARTMENT, encoding="utf-8")
+    with opened(path, width=390) as (page, drawn):
+        drawn.add("route", "way")
+        page.keyboard.press("Enter")  # applies the id
+        page.locator("#field-draw-a-way-and-photograph-it").focus()
+        page.keyboard.press("Enter")  # the first point, in the middle of the plan
+        for key in ("ArrowRight", "ArrowRight"):
+            page.keyboard.press(key)
+        page.keyboard.press("Enter")
+        page.keyboard.press("Enter")  # the same point again ends the way
+        page.get_by_text("2 photographs along 1.0 m.").wait_for()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert accessibility_findings(page) == []
+        saved(page)
+    assert len(load_site(str(path)).goals[0].images) == 2
+
+
+@pytest.mark.browser
+@pytest.mark.slow
 def test_goals_of_every_kind_are_drawn(tmp_path: Path) -> None:
     path = tmp_path / "lab.yaml"
     path.write_text(APARTMENT, encoding="utf-8")

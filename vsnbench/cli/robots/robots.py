@@ -109,10 +109,10 @@ def calibrate(
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without a confirmation.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Measure the camera's height, tilt, roll and field of view, and correct the profile.
+    """Measure the height, tilt, roll and field of view of each camera, and correct the profile.
 
-    Place the robot in front of 2 m of free floor. It does not move. Comments in the profile are kept. The distance
-    from the base's axis to the camera is not visible in images of the floor: measure it with a tape.
+    Place the robot with 2 m of free floor in front of each camera. It does not move. Comments in the profile are kept.
+    The place of a camera on the base is not visible in images of the floor: measure it with a tape.
 
     [bold]Examples[/bold]
 
@@ -121,7 +121,7 @@ def calibrate(
         vsnbench robots calibrate turtlebot4 --output my-turtlebot4.yaml
     """
     from vsnbench.robots.calibration import calibrate as measure
-    from vsnbench.robots.calibration import write_corrections
+    from vsnbench.robots.calibration import corrections_of, write_corrections
     from vsnbench.robots.profiles import embedded_profiles, load_profile, profile_path
 
     profile, source = load_profile(robot), profile_path(robot)
@@ -134,20 +134,19 @@ def calibrate(
     can_ask = sys.stdin.isatty() and not as_json
     if not (yes or can_ask):
         raise UsageError("the correction cannot be confirmed without a terminal", advice="pass --yes to write it")
-    calibration = measure(profile)
-    corrections = calibration.corrections
+    measured = measure(profile)
+    corrections = corrections_of(measured)
     if not as_json:
-        for difference in calibration.differences:
-            field = difference.field
+        for field, difference in measured.items():
             corrected = f" -> {corrections[field]:g}" if field in corrections else ""
             typer.echo(f"{field}: {difference.text}{corrected}")
     write = yes or not corrections or typer.confirm(f"Write {target}?", err=True)
     if write and (corrections or target != source):
         write_corrections(source, target, corrections)
     if as_json:
-        measured = {each.field: asdict(each.measured) | {"profile": each.profile} for each in calibration.differences}
+        values = {field: asdict(each.measured) | {"profile": each.profile} for field, each in measured.items()}
         fields = {"robot": profile.name, "file": str(target), "written": write}
-        print_json({**fields, "measured": measured, "corrections": corrections})
+        print_json({**fields, "measured": values, "corrections": corrections})
     elif not corrections:
         typer.echo("the profile agrees with the camera within the uncertainty of the measurement")
     elif write:

@@ -40,7 +40,9 @@ from vsnbench.text.sanitize import counted, sanitize
 
 Progress = Callable[[str, int, int], object]
 """Called with the kind of work, the amount done and the total."""
-_EPISODE_FILE = re.compile(r"(rgb/\d+\.jpg|depth/\d+\.png|trajectory\.tum)", re.ASCII)
+_EPISODE_FILE = re.compile(
+    r"(rgb/\d+(-[a-z]+)?\.jpg|depth/\d+(-[a-z]+)?\.png|film/\d+-\d+\.jpg|trajectory\.tum)", re.ASCII
+)
 """Files of an episode that belong to a bundle; the copy for Rerun is made from them."""
 
 

@@ -14,7 +14,7 @@ from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.atomic import PART, part_path, sweep_part_directory
 from vsnbench.files.mp4 import write_mp4
 from vsnbench.installation import command_to_add
-from vsnbench.interop.lerobot.features import CAMERA, DEPTH, ENCODING, FRAMES_PER_S, arrow_schema, columns, features
+from vsnbench.interop.lerobot.features import ENCODING, FRAMES_PER_S, arrow_schema, columns, features
 from vsnbench.interop.lerobot.frames import EpisodeFrames, RecordedImages, Sizes
 from vsnbench.interop.lerobot.metadata import CHUNK_FILES, DATA_FILE_MB, VIDEO_FILE_MB, path_in, write_metadata
 from vsnbench.interop.lerobot.statistics import (
@@ -51,14 +51,17 @@ def write_dataset(
         progress: called with the frames written and all frames.
 
     Raises:
-        UsageError: a library is missing, the directory has content, or the sizes of images differ.
+        UsageError: a library is missing, the directory has content, or cameras or the sizes of their images differ.
         RecordError: a file cannot be written, or an image is damaged.
     """
     require_libraries()
     require_empty(directory)
-    color_size = _only_size(episodes, [frames.color.sizes for frames in episodes], "images")
-    depth_sizes = [frames.depth.sizes for frames in episodes if frames.depth is not None]
-    depth_size = _only_size(episodes, depth_sizes, "depth images") if depth_sizes else None
+    _require_same_cameras(episodes)
+    colors, depths = dict[str, tuple[int, int]](), dict[str, tuple[int, int]]()
+    for name, images in episodes[0].images.items():
+        what = " ".join(filter(None, (images.role, "depth images" if images.depth else "images")))
+        sizes = depths if images.depth else colors
+        sizes[name] = _only_size(episodes, [frames.images[name].sizes for frames in episodes], what)
     directory = directory.resolve()
     part = part_path(directory)
     try:
@@ -67,7 +70,7 @@ def write_dataset(
             if left.name.startswith(f".{directory.name}."):
                 sweep_part_directory(left)
         part.mkdir()
-        _Writer(episodes, part, features(color_size, depth_size), progress).write()
+        _Writer(episodes, part, features(colors, depths), progress).write()
         part.replace(directory)
     except OSError as error:
         raise RecordError(
@@ -107,22 +110,43 @@ def require_empty(directory: Path) -> None:
         raise UsageError(f"{directory} is not empty", advice=advice, code="not-empty")
 
 
-def _only_size(episodes: Sequence[EpisodeFrames], sizes: Sequence[Sizes], what: str) -> tuple[int, int]:
-    found: dict[tuple[int, int], list[int]] = {}
-    for frames, of_episode in zip(episodes, sizes, strict=True):
-        for size in of_episode:
-            found.setdefault(size, []).append(frames.episode.id)
+def _require_same_cameras(episodes: Sequence[EpisodeFrames]) -> None:
+    """Raise an error unless all episodes have images of the same cameras.
+
+    Raises:
+        UsageError: they do not.
+    """
+    found: dict[str, list[int]] = {}
+    for frames in episodes:
+        cameras = ", ".join(name.rpartition(".")[2] for name in frames.images)
+        found.setdefault(cameras, []).append(frames.episode.id)
     if len(found) > 1:
-        listed = "; ".join(
-            f"{width}x{height} in {', '.join(map(str, numbers[:5]))}{', …' if len(numbers) > 5 else ''}"
-            for (width, height), numbers in sorted(found.items())
-        )
         raise UsageError(
-            f"the {what} of the episodes have several sizes ({listed}), and a dataset has one",
+            f"the episodes have images of different cameras ({_listed(found)}), and a dataset has one set",
+            advice="export the episodes of each robot to a directory of their own, by number",
+            code="mixed-cameras",
+        )
+
+
+def _listed(found: dict[str, list[int]]) -> str:
+    return "; ".join(
+        f"{what} in {', '.join(map(str, numbers[:5]))}{', …' if len(numbers) > 5 else ''}"
+        for what, numbers in sorted(found.items())
+    )
+
+
+def _only_size(episodes: Sequence[EpisodeFrames], sizes: Sequence[Sizes], what: str) -> tuple[int, int]:
+    found: dict[str, list[int]] = {}
+    for frames, of_episode in zip(episodes, sizes, strict=True):
+        for width, height in sorted(of_episode):
+            found.setdefault(f"{width}x{height}", []).append(frames.episode.id)
+    if len(found) > 1:
+        raise UsageError(
+            f"the {what} of the episodes have several sizes ({_listed(found)}), and a dataset has one",
             advice="export the episodes of each size to a directory of their own, by number or with --model and --goal",
             code="mixed-image-sizes",
         )
-    return next(iter(found))
+    return next(iter(sizes[0]))
 
 
 def packed(sizes: Sequence[int], limit: int) -> list[int]:
@@ -151,11 +175,13 @@ class _Writer:
 
     def write(self) -> None:
         frames = sum(map(len, self._episodes))
-        self._write_videos(frames)
+        videos = [name for name, images in self._episodes[0].images.items() if not images.depth]
+        for place, name in enumerate(videos):
+            self._write_videos(name, place * frames, len(videos) * frames)
         each = self._write_data()
         statistics = {name: vector_statistics(np.concatenate([part[name] for part in each])) for name in each[0]}
         for key, counts in self._total.items():
-            statistics[key] = image_statistics(counts, frames, _full_scale(key))
+            statistics[key] = image_statistics(counts, frames, self._full_scale(key))
         write_metadata(
             self._directory,
             self._features,
@@ -165,29 +191,29 @@ class _Writer:
             {name: statistics[name] for name in self._features},
         )
 
-    def _write_videos(self, frames: int) -> None:
-        done = 0
-        files = packed([episode.color.content_bytes for episode in self._episodes], VIDEO_FILE_MB * 2**20)
+    def _write_videos(self, name: str, done: int, frames: int) -> None:
+        """Write the videos of one camera, when `done` of all `frames` have been written."""
+        files = packed([episode.images[name].content_bytes for episode in self._episodes], VIDEO_FILE_MB * 2**20)
         for file, members in groupby(range(len(files)), files.__getitem__):
             numbers = list(members)
 
             def pixels(numbers: list[int] = numbers) -> Iterator[npt.NDArray[np.uint8]]:
                 nonlocal done
                 for number in numbers:
-                    for rgb in self._counted(CAMERA, number, self._episodes[number].color):
+                    for rgb in self._counted(name, number, self._episodes[number].images[name]):
                         yield rgb
                         done += 1
                         self._progress(done, frames)
 
-            write_mp4(pixels(), self._directory / path_in(f"videos/{CAMERA}", file, "mp4"), FRAMES_PER_S, ENCODING)
+            write_mp4(pixels(), self._directory / path_in(f"videos/{name}", file, "mp4"), FRAMES_PER_S, ENCODING)
             began = 0
             for number in numbers:
                 ended = began + len(self._episodes[number])
                 self._written[number].row |= {
-                    f"videos/{CAMERA}/chunk_index": file // CHUNK_FILES,
-                    f"videos/{CAMERA}/file_index": file % CHUNK_FILES,
-                    f"videos/{CAMERA}/from_timestamp": began / FRAMES_PER_S,
-                    f"videos/{CAMERA}/to_timestamp": ended / FRAMES_PER_S,
+                    f"videos/{name}/chunk_index": file // CHUNK_FILES,
+                    f"videos/{name}/file_index": file % CHUNK_FILES,
+                    f"videos/{name}/from_timestamp": began / FRAMES_PER_S,
+                    f"videos/{name}/to_timestamp": ended / FRAMES_PER_S,
                 }
                 began = ended
 
@@ -198,7 +224,7 @@ class _Writer:
 
         schema, first, each = arrow_schema(self._features), 0, []
         sizes = [
-            len(episode) * _ROW_BYTES + (episode.depth.content_bytes if episode.depth is not None else 0)
+            len(episode) * _ROW_BYTES + sum(images.content_bytes for images in episode.images.values() if images.depth)
             for episode in self._episodes
         ]
         files = packed(sizes, DATA_FILE_MB * 2**20)
@@ -215,8 +241,11 @@ class _Writer:
                     values: dict[str, Any] = {
                         name: array.tolist() if array.ndim > 1 else array for name, array in numbers.items()
                     }
-                    if frames.depth is not None:
-                        values[DEPTH] = self._depth_files(number, frames.depth)
+                    values |= {
+                        name: self._depth_files(name, number, images)
+                        for name, images in frames.images.items()
+                        if images.depth
+                    }
                     # A row group per episode: readers fetch one without the others.
                     writer.write_table(pa.table({name: values[name] for name in schema.names}, schema=schema))
                     written.row |= {
@@ -230,11 +259,15 @@ class _Writer:
                     first += len(frames)
         return each
 
-    def _depth_files(self, number: int, images: RecordedImages) -> list[dict[str, Any]]:
+    def _depth_files(self, name: str, number: int, images: RecordedImages) -> list[dict[str, Any]]:
         """Return the PNG files as they are; decoding them is for the statistics."""
-        for _ in self._counted(DEPTH, number, images):
+        for _ in self._counted(name, number, images):
             pass
         return [{"bytes": images.read(frame), "path": images.path(frame).name} for frame in range(len(images.numbers))]
+
+    def _full_scale(self, key: str) -> float:
+        """Colours are from 0 to 1 in the statistics; depth is in millimetres."""
+        return 255.0 if self._features[key]["dtype"] == "video" else 1.0
 
     def _counted(self, key: str, number: int, images: RecordedImages) -> Iterator[npt.NDArray[Any]]:
         """Yield the pixels of an episode's images, and keep their statistics."""
@@ -245,13 +278,8 @@ class _Writer:
             counts = here if counts is None else counts + here
             yield pixels
         if counts is not None:
-            self._written[number].statistics[key] = image_statistics(counts, len(images.numbers), _full_scale(key))
+            self._written[number].statistics[key] = image_statistics(counts, len(images.numbers), self._full_scale(key))
             self._total[key] = self._total[key] + counts if key in self._total else counts
-
-
-def _full_scale(key: str) -> float:
-    """Colours are from 0 to 1 in the statistics; depth is in millimetres."""
-    return 255.0 if key == CAMERA else 1.0
 
 
 def _decoded(images: RecordedImages, frame: int, shape: tuple[int, ...]) -> npt.NDArray[Any]:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from vsnbench.files.mp4 import CODEC_NAME, Mp4Encoding, pixel_format
 from vsnbench.interop.lerobot.frames import ACTIONS, EpisodeFrames
 
-CAMERA, DEPTH = "observation.images.camera", "observation.images.depth"
 FRAMES_PER_S = 1
 """Nominal: a frame per action. The steps of a robot are not equidistant; `robot_time_s` has its time."""
 ENCODING = Mp4Encoding(crf=18, keyframe_interval=2)
@@ -20,25 +19,28 @@ Feature = dict[str, Any]
 Size = tuple[int, int]
 
 
-def features(color: Size, depth: Size | None) -> dict[str, Feature]:
+def features(colors: Mapping[str, Size], depths: Mapping[str, Size]) -> dict[str, Feature]:
     """Return the features by name; sizes are widths and heights in pixels."""
-    found: dict[str, Feature] = {CAMERA: _image("video", color, 3, _video_info(*color))}
-    if depth is not None:
-        found[DEPTH] = _image("image", depth, 1, {"is_depth_map": True, "depth_unit": "mm"})
-    return found | {
-        "observation.state": _vector("float32", ["x_m", "y_m", "heading_rad"]),
-        "action": _vector("float32", ["forward_m", "left_m", "turn_rad", "stop"]),
-        "discrete_action": {**_number("int64"), "names": {"actions": [action.value for action in ACTIONS]}},
-        "blocked": _number("bool"),
-        "robot_time_s": _number("float64"),
-        "next.success": _number("bool"),
-        "next.done": _number("bool"),
-        "timestamp": _number("float32"),
-        "frame_index": _number("int64"),
-        "episode_index": _number("int64"),
-        "index": _number("int64"),
-        "task_index": _number("int64"),
-    }
+    found = {name: _image("video", size, 3, _video_info(*size)) for name, size in colors.items()}
+    about = {"is_depth_map": True, "depth_unit": "mm"}
+    return (
+        found
+        | {name: _image("image", size, 1, about) for name, size in depths.items()}
+        | {
+            "observation.state": _vector("float32", ["x_m", "y_m", "heading_rad"]),
+            "action": _vector("float32", ["forward_m", "left_m", "turn_rad", "stop"]),
+            "discrete_action": {**_number("int64"), "names": {"actions": [action.value for action in ACTIONS]}},
+            "blocked": _number("bool"),
+            "robot_time_s": _number("float64"),
+            "next.success": _number("bool"),
+            "next.done": _number("bool"),
+            "timestamp": _number("float32"),
+            "frame_index": _number("int64"),
+            "episode_index": _number("int64"),
+            "index": _number("int64"),
+            "task_index": _number("int64"),
+        }
+    )
 
 
 def columns(

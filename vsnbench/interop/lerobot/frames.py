@@ -1,6 +1,6 @@
 """The frames of a recorded episode for a dataset: an observation with its action per step."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +10,15 @@ import numpy.typing as npt
 from vsnbench.errors import UsageError
 from vsnbench.interop.episodes import taken_s
 from vsnbench.results.files.confined_paths import confined, read_confined
-from vsnbench.results.files.images import depth_path, rgb_path
+from vsnbench.results.files.images import depth_path, further_images, rgb_path
 from vsnbench.results.model import Episode
 from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import picture_size
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.step import StepRecord
 
+CAMERA, DEPTH = "observation.images.camera", "observation.images.depth"
+"""Features of the main camera; those of a further one have its role, as `left` and `left_depth`."""
 ACTIONS = tuple(Action)
 """Actions by index."""
 NOT_EXPORTABLE = frozenset({"unjudged-episode", "no-steps", "no-images", "no-depth", "no-odometry"})
@@ -39,10 +41,12 @@ class RecordedImages:
     """Size of all files."""
     depth: bool = False
     """Depth instead of colour."""
+    role: str = ""
+    """Role of a further camera; empty for the main one."""
 
     def path(self, frame: int) -> Path:
         """Return the file of a frame, from 0, inside the directory."""
-        return (depth_path if self.depth else rgb_path)(Path(), self.numbers[frame])
+        return (depth_path if self.depth else rgb_path)(Path(), self.numbers[frame], self.role)
 
     def read(self, frame: int) -> bytes:
         """Return the content of a file; empty if it is missing.
@@ -71,8 +75,8 @@ class EpisodeFrames:
     """(N,) whether the depth guard blocked the action, before or during it."""
     robot_time_s: npt.NDArray[np.float64]
     """(N,) time of the image on the robot's clock, since the first image of the episode."""
-    color: RecordedImages
-    depth: RecordedImages | None
+    images: Mapping[str, RecordedImages]
+    """Colour of each camera, and its depth if that is wanted, by feature."""
 
     def __len__(self) -> int:
         return len(self.state)
@@ -103,7 +107,6 @@ def frames_of(
         state.append((before.x_m, before.y_m, before.heading_rad))
         action.append((moved.x_m, moved.y_m, moved.heading_rad, float(step.action is Action.STOP)))
     directory = confined(results_directory, episode.images_directory)
-    numbers = tuple(step.number for step in taken)
     times_s = np.array([taken_s(episode, step) for step in taken])
     return EpisodeFrames(
         episode=episode,
@@ -113,8 +116,7 @@ def frames_of(
         discrete_action=np.array([ACTIONS.index(step.action) for step in taken], np.int64),
         blocked=np.array([step.blocked for step in taken]),
         robot_time_s=times_s - times_s[0],
-        color=_images(episode, directory, numbers, depth=False),
-        depth=_images(episode, directory, numbers, depth=True) if with_depth else None,
+        images=_images_of_cameras(episode, directory, taken, with_depth=with_depth),
     )
 
 
@@ -132,15 +134,32 @@ def task_text(episode: Episode) -> str:
     return f"find {'an' if words[:1].lower() in 'aeiou' else 'a'} {words}"
 
 
-def _images(episode: Episode, directory: Path, numbers: tuple[int, ...], *, depth: bool) -> RecordedImages:
+def _images_of_cameras(
+    episode: Episode, directory: Path, steps: Sequence[StepRecord], *, with_depth: bool
+) -> dict[str, RecordedImages]:
+    """Return the images by feature: of the main camera, and of the further ones that the first step has."""
+    numbers = tuple(step.number for step in steps)
+    found = {CAMERA: _images(episode, directory, numbers, depth=False)}
+    if with_depth:
+        found[DEPTH] = _images(episode, directory, numbers, depth=True)
+    for depth in (False, True) if with_depth else (False,):
+        for role in further_images(steps[0].details, depth=depth):
+            key = CAMERA.replace("camera", f"{role}_depth" if depth else role)
+            found[key] = _images(episode, directory, numbers, depth=depth, role=role)
+    return found
+
+
+def _images(
+    episode: Episode, directory: Path, numbers: tuple[int, ...], *, depth: bool, role: str = ""
+) -> RecordedImages:
     kind, path_of = ("depth image", depth_path) if depth else ("image", rgb_path)
     sizes, content_bytes = set(), 0
     for number in numbers:
-        content = read_confined(directory, path_of(Path(), number)) or b""
+        content = read_confined(directory, path_of(Path(), number, role)) or b""
         size = picture_size(content)
         if size is None:
-            statement = f"episode {episode.id} has no {kind} of step {number}"
+            statement = f"episode {episode.id} has no {role and f'{role} '}{kind} of step {number}"
             raise UsageError(statement, code="no-depth" if depth else "no-images")
         sizes.add(size)
         content_bytes += len(content)
-    return RecordedImages(directory, numbers, frozenset(sizes), content_bytes, depth)
+    return RecordedImages(directory, numbers, frozenset(sizes), content_bytes, depth, role)

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from vsnbench.interop.lerobot.features import CAMERA, FRAMES_PER_S, Feature
-from vsnbench.interop.lerobot.frames import EpisodeFrames
+from vsnbench.interop.lerobot.features import FRAMES_PER_S, Feature
+from vsnbench.interop.lerobot.frames import CAMERA, EpisodeFrames
 from vsnbench.interop.lerobot.statistics import Statistics
 from vsnbench.results.model import EPISODE
 

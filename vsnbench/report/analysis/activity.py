@@ -9,7 +9,6 @@ from sqlalchemy import Connection, Engine, func, select
 
 from vsnbench.protocol.execution import STACK
 from vsnbench.protocol.judge import MODEL_FAILURES, ROBOT_FAILURES, EndReason
-from vsnbench.protocol.metrics import spl
 from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.episodes_frame import ReportData, trial_filter
 from vsnbench.report.analysis.reading import read_conditions
@@ -17,10 +16,8 @@ from vsnbench.results.reading.read_model import COUNTS, RUNNING, UNJUDGED
 from vsnbench.results.schema.engine import record_errors
 from vsnbench.results.schema.placement_tables import Placement
 from vsnbench.results.schema.row_encoding import AT_STOP
-from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, GoalRow, RobotRow, StepRow, TrialRow
-from vsnbench.results.writing.entries import INTERVENTION, SequenceLeg
-from vsnbench.statistics.rates import Proportion
-from vsnbench.values.goal import GoalKind
+from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, EventRow, RobotRow, StepRow, TrialRow
+from vsnbench.results.writing.entries import INTERVENTION
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -186,61 +183,6 @@ def read_stops(engine: Engine, record: ReportData) -> Rows:
                 robot["drift_per_m"].append(drift_m / path_m)
                 robot["turn_per_m"].append(abs(row.turn_rad) / path_m)
     return [found[key] for key in sorted(found)]
-
-
-def read_legs(engine: Engine, record: ReportData) -> Rows:
-    """Return success by position in the sequence, then of whole sequences, for each condition that has some.
-
-    A goal that was not given, because a collision had ended the episode, is a failure.
-    """
-    if all(goal.kind is not GoalKind.SEQUENCE for goal in record.goals.values()):
-        return ()
-    query = select(EpisodeRow.id, EpisodeRow.legs, GoalRow.content).join(TrialRow, TrialRow.id == EpisodeRow.trial_id)
-    query = query.join(GoalRow, GoalRow.id == TrialRow.goal_id).where(COUNTS, GoalRow.kind == GoalKind.SEQUENCE.value)
-    with record_errors(engine), engine.connect() as connection:
-        found = {row.id: row for row in connection.execute(query.order_by(EpisodeRow.id))}
-    counted = record.counted()
-    rows: list[dict[str, Any]] = []
-    for condition in record.conditions:
-        mine = counted.loc[counted["condition"] == condition.number]
-        known = [
-            (
-                tuple(SequenceLeg(**leg) for leg in found[number].legs or ()),
-                len(found[number].content["goals"]),
-                bool(success),
-            )
-            for number, success in zip(mine["episode"].tolist(), mine["success"].tolist(), strict=True)
-            if number in found
-        ]
-        for position in range(1, max((goals for _, goals, _ in known), default=0) + 1):
-            given = [legs[position - 1 : position] for legs, goals, _ in known if goals >= position]
-            rows.append({"condition": condition.number, "position": position, **_of_legs(given)})
-        if known:
-            whole = _of_legs([legs for legs, _, _ in known], [success for _, _, success in known])
-            rows.append({"condition": condition.number, "position": None, **whole})
-    return tuple(rows)
-
-
-def _of_legs(several: Sequence[Sequence[SequenceLeg]], successes: Sequence[bool] | None = None) -> dict[str, Any]:
-    """Return rate, SPL and actions of parts of sequences; a part succeeds if its one leg does, unless stated."""
-    successes = successes or [all(leg.success for leg in legs) and bool(legs) for legs in several]
-    weighted = [_spl_of(legs, success=success) for legs, success in zip(several, successes, strict=True)]
-    given = [legs for legs in several if legs]
-    return {
-        "rate": Proportion(sum(successes), len(several)),
-        "given": len(given),
-        "spl": math.fsum(weighted) / len(weighted),
-        "mean_actions": sum(leg.actions for legs in given for leg in legs) / len(given) if given else math.nan,
-        "memory": sum(leg.memory for legs in given for leg in legs) == sum(map(len, given)),
-    }
-
-
-def _spl_of(legs: Sequence[SequenceLeg], *, success: bool) -> float:
-    shortest = [leg.shortest_m for leg in legs]
-    if not success:
-        return 0.0
-    lengths = [length for length in shortest if length is not None]
-    return spl(success, math.fsum(lengths), math.fsum(leg.path_m for leg in legs)) if None not in shortest else math.nan
 
 
 def _total(numbers: "pd.Series[float]") -> float:

@@ -16,13 +16,13 @@ from vsnbench.protocol.metrics import heading_change_deg_per_m
 from vsnbench.report.analysis.activity import Rows, interventions
 from vsnbench.report.analysis.conditions import Condition
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.reading import Course, read_courses
 from vsnbench.results.fields import quantity
 from vsnbench.results.model import EpisodeRecord
-from vsnbench.results.reading.blinding import blind_episodes
 from vsnbench.results.schema.engine import record_errors
-from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, RobotRow, StepRow
+from vsnbench.results.schema.tables import CampaignRow, RobotRow
 from vsnbench.sites.site import Site
-from vsnbench.values.pose import Pose
+from vsnbench.sites.targets import legs_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,19 +38,6 @@ MEASURES = ("clearance_min_m", "clearance_p5_m", "heading_change_deg_per_m", "wa
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """Poses of one episode in the site's frame: at the start, and after each action with a known pose."""
-
-    poses: tuple[Pose, ...]
-    blocked: tuple[bool, ...]
-    """Whether the guard blocked the action, for every action."""
-    touched: str
-    """What the robot collided with; empty for nothing."""
-    waiting_s: float | None = None
-    """Time at rest without a path, waiting for an answer; None where the robot rests while the model thinks."""
-
-
-@dataclass(frozen=True, slots=True)
 class CourseMeasures:
     """Measures of one course; None if unknown."""
 
@@ -62,7 +49,8 @@ class CourseMeasures:
         "time at rest without a path, waiting for an answer", absent="where the robot rests while the model thinks"
     )
     oracle_success: bool | None = quantity(
-        "STOP would have succeeded at the start or after any action before a collision; true for a success",
+        "STOP would have succeeded at the start or after any action before a collision, for each goal of a sequence; "
+        "true for a success",
         absent="if the poses, the site or the goal are unknown",
     )
 
@@ -197,7 +185,7 @@ def _measured(
 ) -> Iterator[tuple[Any, ...]]:
     ground = course_map(engine, record, condition)
     for row, course, approach in examine(engine, ground, rows, examined):
-        known = _measure(ground, course, approach, float(row["path_m"]), bool(row["success"]))
+        known = _measure(ground, (course, approach), str(row["goal"]), float(row["path_m"]), bool(row["success"]))
         yield int(row["episode"]), *astuple(known)
 
 
@@ -213,12 +201,17 @@ def measures_of(engine: Engine, episode: EpisodeRecord) -> CourseMeasures:
     """Return the measures of one episode's course."""
     ground, course, approach = course_of(engine, episode)
     path_m = math.nan if episode.path_m is None else episode.path_m
-    return _measure(ground, course, approach, path_m, episode.success is True)
+    return _measure(ground, (course, approach), episode.goal, path_m, episode.success is True)
 
 
 def _measure(
-    ground: CourseMap | None, course: Course | None, approach: Approach | None, path_m: float, succeeded: bool
+    ground: CourseMap | None,
+    seen: tuple[Course | None, Approach | None],
+    goal: str,
+    path_m: float,
+    succeeded: bool,
 ) -> CourseMeasures:
+    course, approach = seen
     poses = course.poses if course else ()
     clearances_m = ground.clearances_m(poses) if ground else ()
     return CourseMeasures(
@@ -227,17 +220,37 @@ def _measure(
         clearance_p5_m=float(np.percentile(clearances_m, 5)) if len(clearances_m) else None,
         heading_change_deg_per_m=heading_change_deg_per_m(poses, path_m) if poses and math.isfinite(path_m) else None,
         waiting_s=course.waiting_s if course else None,
-        oracle_success=_oracle_success(course, approach, succeeded),
+        oracle_success=succeeded or _oracle_success(ground, course, approach, goal),
     )
 
 
-def _oracle_success(course: Course | None, approach: Approach | None, succeeded: bool) -> bool | None:
-    """Return whether STOP would have succeeded at any pose; after a collision, none does."""
-    if succeeded:
-        return True
+def _oracle_success(
+    ground: CourseMap | None, course: Course | None, approach: Approach | None, goal: str
+) -> bool | None:
+    """Return whether STOP would have succeeded at any pose before a collision, for each goal of a sequence."""
+    if ground and course and course.legs:
+        reached = oracle_of_legs(ground, course)
+        return None if reached is None else all(reached) and len(reached) == len(legs_of(ground.site, goal))
     if course is None or approach is None:
         return None
     return bool((approach.reached[:-1] if course.touched else approach.reached).any())
+
+
+def oracle_of_legs(ground: CourseMap | None, course: Course | None) -> tuple[bool, ...] | None:
+    """Return for each goal of a sequence that was given whether STOP would have succeeded at any pose on the way to it.
+
+    It is true for a success. None if the site, a goal or a pose is unknown.
+    """
+    if ground is None or course is None or not course.legs:
+        return None
+    reached = []
+    for leg, poses in course.legs:
+        is_last = leg is course.legs[-1][0]
+        flags = ground.reached(leg.goal, poses[:-1] if course.touched and is_last else poses)
+        if flags is None:
+            return None
+        reached.append(leg.success is True or bool(flags.any()))
+    return tuple(reached)
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
@@ -279,53 +292,3 @@ def examine(
                 course = courses.get(number)
                 examined[number] = course, _approach(ground, str(row["goal"]), course)
             yield row, *examined[number]
-
-
-def read_courses(engine: Engine, numbers: Sequence[int]) -> dict[int, Course]:
-    """Return the courses of some episodes, by number; none without steps.
-
-    Poses in the site are used as recorded; without them odometry is added to the start pose. The waiting time would
-    reveal the model of a blinded arm.
-    """
-    with record_errors(engine), engine.connect() as connection:
-        found = connection.execute(
-            select(
-                *(StepRow.episode_id, EpisodeRow.start_x_m, EpisodeRow.start_y_m, EpisodeRow.start_heading_rad),
-                *(StepRow.world_x_m, StepRow.world_y_m, StepRow.world_heading_rad),
-                *(
-                    StepRow.after_x_m,
-                    StepRow.after_y_m,
-                    StepRow.after_heading_rad,
-                    StepRow.blocked,
-                    StepRow.collision_touched,
-                    StepRow.movement["waiting_s"].as_float(),
-                ),
-            )
-            .join(EpisodeRow, EpisodeRow.id == StepRow.episode_id)
-            .where(StepRow.episode_id.in_(numbers))
-            .order_by(StepRow.episode_id, StepRow.number)
-        ).all()
-        blind = blind_episodes(connection, numbers)
-    grouped: dict[int, list[Any]] = {}
-    for row in found:
-        grouped.setdefault(row[0], []).append(row)
-    return {number: _course(rows, is_blind=number in blind) for number, rows in grouped.items()}
-
-
-def _course(rows: Sequence[Any], *, is_blind: bool) -> Course:
-    start = _pose(rows[0][1:4])
-    poses = [start] if start else []
-    for row in rows:
-        if world := _pose(row[4:7]):
-            poses.append(world)
-        elif start and (after := _pose(row[7:10])):
-            poses.append(start.compose(after))
-    touched = next((row[11] for row in reversed(rows) if row[11]), "")
-    waited = [row[12] for row in rows if row[12] is not None and not is_blind]
-    return Course(tuple(poses), tuple(bool(row[10]) for row in rows), touched, math.fsum(waited) if waited else None)
-
-
-def _pose(values: Sequence[float | None]) -> Pose | None:
-    """Return a recorded pose; None if a number is missing or, from another writer, infinite."""
-    known = [value for value in values if value is not None and math.isfinite(value)]
-    return Pose(*known) if len(known) == len(values) else None

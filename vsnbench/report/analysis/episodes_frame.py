@@ -133,11 +133,7 @@ class EpisodeColumns:
         return type(self)({**self._columns, **columns}, self._rows)
 
     def by(self, numbers: Integers) -> "Iterator[tuple[int, EpisodeColumns]]":
-        """Yield each number and its episodes, in the order of the rows.
-
-        Args:
-            numbers: (episodes,) group of each episode.
-        """
+        """Yield each number of (episodes,) groups and its episodes, in the order of the rows."""
         order = np.argsort(numbers, kind="stable")
         values, begins = np.unique(numbers[order], return_index=True)
         for value, rows in zip(values.tolist(), np.split(order, begins[1:]), strict=False):

@@ -15,8 +15,9 @@ from vsnbench.protocol.course import Approach
 from vsnbench.protocol.judge import EndReason
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.courses import Course, Examined, course_map, examine
+from vsnbench.report.analysis.courses import Examined, course_map, examine
 from vsnbench.report.analysis.episodes_frame import ReportData
+from vsnbench.report.analysis.reading import Course
 from vsnbench.text.sanitize import counted
 from vsnbench.values.pose import wrap_angle
 

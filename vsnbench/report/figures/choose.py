@@ -14,14 +14,13 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.courses import site_of
 from vsnbench.report.analysis.published import published_results
 from vsnbench.report.analysis.summary import ConditionSummary
-from vsnbench.report.analysis.trajectories import read_tracks
 from vsnbench.report.build import Report, build
 from vsnbench.report.figures.actions import action_histogram
 from vsnbench.report.figures.cells import success_by_cell
 from vsnbench.report.figures.cumulative import mileage, outcomes_over_actions
 from vsnbench.report.figures.differences import differences
 from vsnbench.report.figures.failure_map import failure_maps
-from vsnbench.report.figures.plans import success_maps, trajectory_plan
+from vsnbench.report.figures.plans import read_tracks, success_maps, trajectory_plan
 from vsnbench.report.figures.rates import success_by_goal
 from vsnbench.report.figures.stages import stage_bars
 from vsnbench.report.figures.style import FORMATS, Drawing

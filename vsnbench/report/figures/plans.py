@@ -1,17 +1,20 @@
 """Floor plans with trajectories by goal and outcome, and with success by starting position."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import shapely
+from sqlalchemy import Engine
 
 from vsnbench.palette import COLLISION, FAILURE, LIMIT, SUCCESS
 from vsnbench.protocol.judge import EndReason, success_region
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Condition, footnotes
-from vsnbench.report.analysis.episodes_frame import goal_order
+from vsnbench.report.analysis.episodes_frame import ReportData, goal_order
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.report.analysis.summary import ConditionSummary, Group
-from vsnbench.report.analysis.trajectories import Track
 from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 from vsnbench.report.figures.text_layout import width_in as letters_in
@@ -47,6 +50,43 @@ _TITLE_PT = 7.0
 _SHARE_PT = 5.5
 _DISK_M = 0.27
 """Radius of a starting position's disk, metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Path of the robot in one episode."""
+
+    episode: int
+    goal: str
+    start: int
+    success: bool
+    end_reason: str
+    points: tuple[tuple[float, float], ...]
+    """(x, y) in the site's frame, metres, starting at the start."""
+
+
+def read_tracks(engine: Engine, record: ReportData, condition: Condition, max_per_goal: int = 30) -> tuple[Track, ...]:
+    """Read the paths of the counted episodes, evenly sampled above `max_per_goal` per goal.
+
+    Poses in the site are used as recorded; without them odometry is added to the start pose.
+    """
+    rows = record.counted(condition)
+    if rows.empty:
+        return ()
+    strides = {goal: max(1, math.ceil(len(mine) / max_per_goal)) for goal, mine in rows.groupby("goal", observed=True)}
+    rank = rows.groupby("goal", observed=True).cumcount()
+    chosen = rows[(rank % rows["goal"].astype(str).map(strides).astype(int)) == 0]
+    numbers = [int(number) for number in chosen["episode"]]
+    courses = read_courses(engine, numbers)
+    columns = (chosen["goal"], chosen["start"], chosen["success"], chosen["end_reason"])
+    return tuple(
+        Track(
+            *(number, str(goal), int(start), bool(success), str(reason)),
+            tuple(pose.position for pose in courses[number].poses),
+        )
+        for number, goal, start, success, reason in zip(numbers, *columns, strict=True)
+        if number in courses and courses[number].poses
+    )
 
 
 def trajectory_plan(

@@ -111,6 +111,20 @@ LEGS = Measures(
     Measure("", TEXT, of=_position, heading="position"),
     *rates("rate", lambda _: None)[:-1],
     Measure(
+        "mean_oracle_success",
+        percents(),
+        "oracle success: share in which STOP would have succeeded at any pose on the way; in whole sequences on the "
+        "way to every goal",
+        heading="oracle SR %",
+    ),
+    Measure(
+        "progress",
+        decimals(3),
+        "mean share of a sequence's goals that were reached, 0 to 1",
+        heading="progress",
+        null="for a position",
+    ),
+    Measure(
         "given", COUNT, "number of episodes in which the goal was given; otherwise it is a failure", heading="given"
     ),
     Measure("spl", decimals(3), "success weighted by path length, from where the goal was given", heading="SPL"),

@@ -3,7 +3,7 @@
 A step's row is committed after its images are in place, so that every committed step has images.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -70,16 +70,24 @@ def step_digests_of(
         files: digests of the bytes of both files.
         details: the step's details, which have those of its film and of further cameras; none if they cannot be read.
     """
+    film = tuple(frame.file_digest for frame in film_of(details))
+    return StepDigests(number, rgb, depth, *files, film, tuple(_further_digests(number, details)))
+
+
+def _further_digests(number: int, details: object) -> Iterator[tuple[str, StepDigests]]:
     sensing = details.get(SENSING) if isinstance(details, Mapping) else None
     cameras = sensing.get(CAMERAS) if isinstance(sensing, Mapping) else None
-    further = []
     for role in CameraRole:
         stated = cameras.get(role.value) if isinstance(cameras, Mapping) else None
         if isinstance(stated, Mapping):
             pixels, measured, *own = (stated[name] if isinstance(stated.get(name), str) else None for name in _DIGESTS)
-            further.append((role.value, StepDigests(number, pixels, measured, own[0], own[1])))
-    film = tuple(frame.file_digest for frame in film_of(details))
-    return StepDigests(number, rgb, depth, *files, film, tuple(further))
+            yield role.value, StepDigests(number, pixels, measured, own[0], own[1])
+
+
+def further_images(details: object, *, depth: bool = False) -> tuple[str, ...]:
+    """Return the roles of the further cameras whose colours, or depth, a step with these details has."""
+    seen = _further_digests(0, details)
+    return tuple(role for role, digests in seen if (digests.depth if depth else digests.rgb) is not None)
 
 
 def hash_images(observation: Observation) -> WrittenImages:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from vsnbench.errors import RobotError
-from vsnbench.robots.checkup.checks import clock_results, frame_results, rate_result, turn_result
+from vsnbench.robots.checkup.checks import clock_results, frame_results, moment_results, rate_result, turn_result
 from vsnbench.robots.checkup.commanded_turn import SteeredBase, motion_response_results
 from vsnbench.robots.checkup.images import image_results, image_type, turned_results
 from vsnbench.robots.checkup.odometry import (
@@ -86,7 +86,7 @@ class TurnTest(SteeredBase):
 
     @abstractmethod
     def newest_images(self) -> Mapping[str, Any]:
-        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
+        """Return the newest images of `image_topics` that arrive from now on, without those that do not."""
 
     def further_results(self) -> Iterator[CheckResult]:
         """Perform the checks that follow successful turns: none by default."""
@@ -133,6 +133,7 @@ class RosCheckup(ABC):
             attitudes = self._attitudes(readable)
             yield from image_results(self.profile, readable, self._read, self.image_turns, last_attitude(attitudes))
             yield from frame_results(self.names, readable)
+            yield from moment_results(self.names, readable)
             yield from self._odometry_results(readable)
             yield from attitude_results(attitudes)
             yield from self._hazard_results()

@@ -5,10 +5,12 @@ import struct
 from collections.abc import Iterator
 
 from vsnbench.robots.checkup.result import CheckResult, Health
+from vsnbench.robots.ros.further_cameras import MAX_APART_S
 from vsnbench.robots.ros.image_timing import LOW_RATE, MAX_SKEW_S, rate_needed_hz
 from vsnbench.ros.common.interface import RosInterface
 from vsnbench.sensing.topic_monitor import TopicMessages
 from vsnbench.values.battery import Battery
+from vsnbench.values.camera import CameraRole
 
 """Rates below this share of the profile's are a warning."""
 _SINGLE_HZ = 0.5
@@ -148,21 +150,42 @@ def _pair_results(names: RosInterface, messages: dict[str, TopicMessages]) -> It
         )
 
 
+def moment_results(names: RosInterface, messages: dict[str, TopicMessages]) -> Iterator[CheckResult]:
+    """Report how many images of the front camera have one of each further camera of the same moment."""
+    front = messages[names.color]
+    if not front.stamps:
+        return
+    for role, topics in names.cameras.items():
+        for what, topic in ((f"{role} pairs", topics.color), (f"{role} depth pairs", topics.depth)):
+            if not topic or not (stamps := messages[topic].stamps):
+                continue
+            first_s, last_s = min(stamps) - MAX_APART_S, max(stamps) + MAX_APART_S
+            together = [at for at in front.stamps if first_s <= at <= last_s] or front.stamps
+            apart_s = [min(abs(at - other) for other in stamps) for at in together]
+            paired = sum(seconds <= MAX_APART_S for seconds in apart_s)
+            seen = f"{paired} of {len(apart_s)} images of the front camera have one within {1000 * MAX_APART_S:.0f} ms"
+            if paired == len(apart_s):
+                yield CheckResult(what, Health.OK, seen)
+                continue
+            seen += f"; the front camera has {front.rate_hz:.1f} Hz, this one {messages[topic].rate_hz:.1f} Hz"
+            advice = "let the cameras take their images together, or at least as often as the front camera"
+            yield CheckResult(what, Health.WARNING if paired else Health.FAILED, seen, advice)
+
+
 def frame_results(names: RosInterface, messages: dict[str, TopicMessages]) -> Iterator[CheckResult]:
-    """Warn if colour and depth are in different frames: such depth belongs to other pixels."""
-    frames = {
-        topic: frame_id(messages[topic].messages[-1])
-        for topic in (names.color, names.depth)
-        if topic and topic in messages and messages[topic].messages
-    }
-    color, depth = frames.get(names.color, ""), frames.get(names.depth, "")
-    if color and depth and color != depth:
-        yield CheckResult(
-            "camera frames",
-            Health.WARNING,
-            f"colour is in frame {color}, depth in {depth}",
-            "align the depth to the colour image in the driver of the camera (registration)",
+    """Warn if colour and depth of a camera are in different frames: such depth belongs to other pixels."""
+    for role, topics in names.camera_topics.items():
+        color, depth = (
+            frame_id(messages[topic].messages[-1]) if topic in messages and messages[topic].messages else ""
+            for topic in (topics.color, topics.depth)
         )
+        if color and depth and color != depth:
+            yield CheckResult(
+                "camera frames" if role is CameraRole.FRONT else f"{role} camera frames",
+                Health.WARNING,
+                f"colour is in frame {color}, depth in {depth}",
+                "align the depth to the colour image in the driver of the camera (registration)",
+            )
 
 
 def frame_id(message: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from vsnbench.protocol.parameters import DepthGuard
 from vsnbench.robots.checkup.mount import mount_results
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.interface_kinds import interface_of
+from vsnbench.ros.common.interface import CameraTopics, RosInterface
 from vsnbench.sensing.images.camera_images import DepthImage, decode_color, decode_depth, median_depth_m, share_invalid
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.images.depth_range import WRONG_UNIT, range_fault
@@ -20,11 +22,13 @@ from vsnbench.sensing.images.intrinsics import FOV_SHARE, Calibration, Calibrati
 from vsnbench.sensing.images.rectifier import is_of_own_size, rectifier_of
 from vsnbench.sensing.images.regions import Region, invalid_region
 from vsnbench.sensing.topic_monitor import TopicMessages
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import LEVEL, Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
 _MAX_HOLES = 0.4
 """A larger share of invalid depth is a warning."""
+_HOLES_ADVICE = "check for close objects, sunlight and a dirty lens"
 _LARGE_REGION = 0.25
 """A smaller region may be an object in front of the robot; `--move` tells them apart."""
 Read = Callable[[str, bytes], Any]
@@ -34,6 +38,14 @@ Read = Callable[[str, bytes], Any]
 def image_type(topic: str) -> str:
     """Return the message type of an image topic, by image_transport's naming."""
     return "sensor_msgs/CompressedImage" if is_compressed(topic) else "sensor_msgs/Image"
+
+
+def image_topics(names: RosInterface) -> dict[str, str]:
+    """Return the topics of images: `colour` and `depth` of the main camera, `left colour` and so on of the others."""
+    topics = {"colour": names.color, "depth": names.depth}
+    for role, its in names.cameras.items():
+        topics |= {f"{role} colour": its.color, f"{role} depth": its.depth}
+    return {what: topic for what, topic in topics.items() if topic}
 
 
 def type_advice(wanted: str, found: str) -> str:
@@ -59,18 +71,42 @@ def image_results(
         turns: number of clockwise quarter turns that set an image upright.
         attitude: attitude of the base, which stands still.
     """
-    names, camera = interface_of(profile), profile.camera
+    names = interface_of(profile)
+    for role, camera in {CameraRole.FRONT: profile.camera, **profile.cameras}.items():
+        if role not in names.camera_topics:
+            seen = "the profile names no topics of it: models that ask for it are refused"
+            yield CheckResult(
+                f"{role} camera", Health.WARNING, seen, f"name them in interface.cameras: {{{role}: ...}}"
+            )
+            continue
+        topics, prefix = names.camera_topics[role], "" if role is CameraRole.FRONT else f"{role} "
+        for result in _camera_results(profile, camera, topics, messages, read, turns, attitude):
+            yield result if result.what.startswith("/") else replace(result, what=f"{prefix}{result.what}")
+
+
+def _camera_results(
+    profile: RobotProfile,
+    camera: Camera,
+    topics: CameraTopics,
+    messages: dict[str, TopicMessages],
+    read: Read,
+    turns: int,
+    attitude: Attitude,
+) -> Iterator[CheckResult]:
+    """Report whether the images of one camera fit the profile."""
+    is_main = camera is profile.camera
     frames: list[DepthImage] = []
     calibrations: dict[str, Calibration] = {}
-    for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
+    for info, topic in ((topics.color_info, topics.color), (topics.depth_info, topics.depth)):
         if info and topic and messages[info].messages:
             calibrations[topic] = _calibration(read, messages[info].messages[-1], topic)
     of_own_size = False
-    for what, topic in (("colour image", names.color), ("depth image", names.depth)):
+    for what, topic in (("colour image", topics.color), ("depth image", topics.depth)):
         if not topic or not messages[topic].messages:
             continue
         try:
-            images = [_message(read, topic, data) for data in messages[topic].messages[-names.depth_frames :]]
+            newest = messages[topic].messages[-interface_of(profile).depth_frames :]
+            images = [_message(read, topic, data) for data in newest]
             if what == "depth image":
                 decoded: list[Any] = [decode_depth(image) for image in images]
             else:
@@ -83,7 +119,7 @@ def image_results(
         height, width = decoded[-1].shape[:2][:: -1 if turns % 2 else 1]
         encoding = getattr(images[-1], "encoding", "") or images[-1].format
         seen = f"{encoding}, {width}x{height}"
-        if what == "depth image":
+        if what == "depth image" and is_main:
             size = decoded[-1].shape[::-1]
             if of_own_size := is_of_own_size(calibrations.get(topic), camera, size, turns):
                 seen += f"; resampled to the colour image's {camera.width}x{camera.height} by both calibrations"
@@ -96,21 +132,34 @@ def image_results(
         if what == "depth image":
             frames = decoded
     if frames and of_own_size:
-        registered = rectifier_of(calibrations[names.depth], camera, "", turns, of_own_size=True)
+        registered = rectifier_of(calibrations[topics.depth], camera, "", turns, of_own_size=True)
         yield from _depth_results(profile, [registered.labels(frame) for frame in frames])
     elif frames:
-        yield from _depth_results(profile, [np.rot90(frame, -turns) for frame in frames])
-    for info, topic in ((names.color_info, names.color), (names.depth_info, names.depth)):
-        if topic in calibrations and not (of_own_size and topic == names.depth):
-            yield _calibration_result(profile, info, topic, calibrations[topic], turns)
+        upright = [np.rot90(frame, -turns) for frame in frames]
+        yield from _depth_results(profile, upright) if is_main else _further_depth_results(camera, upright)
+    for info, topic in ((topics.color_info, topics.color), (topics.depth_info, topics.depth)):
+        if topic in calibrations and not (of_own_size and topic == topics.depth):
+            yield _calibration_result(camera, info, topic, calibrations[topic], turns)
     if frames:
         median_m = median_depth_m(frames, camera.depth_min_m, camera.depth_max_m)
         try:
-            calibration = calibrations.get(names.depth)
+            calibration = calibrations.get(topics.depth)
             rectifier = rectifier_of(calibration, camera, "", turns, attitude, of_own_size=of_own_size)
         except CalibrationError:
             return
         yield from mount_results(rectifier.depth(median_m), camera, attitude)
+
+
+def _further_depth_results(camera: Camera, frames: list[DepthImage]) -> Iterator[CheckResult]:
+    """Report range and invalid share of the upright depth images of a camera by which vsnbench does not drive."""
+    if fault := range_fault(frames[-1], camera):
+        yield CheckResult("depth range", Health.FAILED, fault, WRONG_UNIT)
+    invalid = share_invalid(median_depth_m(frames, camera.depth_min_m, camera.depth_max_m))
+    seen = f"{invalid:.0%} of the pixels after the median of {len(frames)}"
+    if invalid > _MAX_HOLES:
+        yield CheckResult("depth invalid", Health.WARNING, seen, _HOLES_ADVICE)
+    else:
+        yield CheckResult("depth invalid", Health.OK, seen)
 
 
 def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[CheckResult]:
@@ -131,8 +180,7 @@ def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[
         seen += f"; {region.text} is always invalid: no forward move is possible"
         yield CheckResult("depth invalid", Health.FAILED, seen, _region_advice(profile))
     elif evidence.hides_something or after > _MAX_HOLES:
-        advice = "check for close objects, sunlight and a dirty lens"
-        yield CheckResult("depth invalid", Health.WARNING, seen, advice)
+        yield CheckResult("depth invalid", Health.WARNING, seen, _HOLES_ADVICE)
     else:
         yield CheckResult("depth invalid", Health.OK, seen)
 
@@ -144,7 +192,7 @@ def turned_results(
 
     Args:
         profile: profile of the robot.
-        before: `colour` and `depth` message from before the turn.
+        before: `colour` and `depth` message from before the turn; those of further cameras are `left colour` and so on.
         after: the same from after it.
         turns: number of clockwise quarter turns that set an image upright.
     """
@@ -209,7 +257,7 @@ def _calibration(read: Read, data: bytes, topic: str) -> Calibration:
 
 
 def _calibration_result(
-    profile: RobotProfile,
+    camera: Camera,
     info: str,
     topic: str,
     calibration: Calibration,
@@ -218,11 +266,11 @@ def _calibration_result(
     if calibration is None:
         return CheckResult(info, Health.WARNING, "not calibrated (K is zero)", "the profile's field of view is used")
     try:
-        rectifier = rectifier_of(calibration, profile.camera, topic, turns)
+        rectifier = rectifier_of(calibration, camera, topic, turns)
     except CalibrationError as error:
         return CheckResult(info, Health.FAILED, error.statement, error.advice)
     assert isinstance(calibration, Intrinsics)  # noqa: S101  # rectifier_of raises errors
-    fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), profile.camera.horizontal_fov_deg
+    fov_deg, wanted_deg = calibration.horizontal_fov_deg(turns), camera.horizontal_fov_deg
     moved = f"; images are rectified, by {rectifier.moved_px:.0f} px at most" if rectifier.resamples else ""
     if calibration.is_fisheye and fov_deg > wanted_deg:
         seen = (
@@ -234,6 +282,6 @@ def _calibration_result(
             info,
             Health.WARNING,
             f"field of view {fov_deg:.1f}°; the profile has {wanted_deg:g}°{moved}",
-            f"set camera.horizontal_fov_deg: {fov_deg:.1f} in your profile",
+            f"set horizontal_fov_deg: {fov_deg:.1f} of the camera in your profile",
         )
     return CheckResult(info, Health.OK, f"field of view {fov_deg:.1f}°{moved}")

@@ -113,6 +113,8 @@ def mount_results(
                 f"right, the depth of the camera is {abs(scale - 1):.0%} too {'short' if scale < 1 else 'long'}"
             )
         yield CheckResult(what, Health.FAILED, difference.text, advice)
-    yield CheckResult(
-        "camera forward", Health.OK, f"{camera.mount_forward_m:g} m in the profile; images of the floor do not show it"
-    )
+    unseen = f"{camera.mount_forward_m:g} m"
+    if not camera.is_ahead:
+        unseen += f", {camera.mount_left_m:g} m to the left, turned by {camera.yaw_deg:g}°"
+    seen = f"{unseen} in the profile; images of the floor do not show it"
+    yield CheckResult("camera forward", Health.OK, seen)

@@ -17,7 +17,7 @@ from vsnbench.errors import RobotError
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.commanded_turn import turn_timeout_s
-from vsnbench.robots.checkup.images import image_type, type_advice
+from vsnbench.robots.checkup.images import image_topics, image_type, type_advice
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.ros.common.messages import planar
 from vsnbench.ros.ros1.graph import graph_faults, server_of
@@ -243,13 +243,13 @@ class Ros1Checkup(RosCheckup, TurnTest):
         return None if data is None else planar(self._read("nav_msgs/Odometry", data))[2]
 
     def newest_images(self) -> Mapping[str, Any]:
-        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
+        """Return the newest images of `image_topics` that arrive from now on, without those that do not."""
         received = self.listener.listen(_IMAGES_S)
-        topics = {"colour": self.names.color, "depth": self.names.depth}
+        topics = image_topics(self.names)
         return {
             what: self._read(image_type(topic), received[topic].messages[-1])
             for what, topic in topics.items()
-            if topic and self._has_type(topic, image_type(topic)) and received[topic].messages
+            if self._has_type(topic, image_type(topic)) and received[topic].messages
         }
 
     def _client(self) -> ServiceClient:

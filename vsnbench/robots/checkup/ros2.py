@@ -15,6 +15,7 @@ from vsnbench.robots.checkup.adapters.service import service_results
 from vsnbench.robots.checkup.base import DOCTOR, RosCheckup, TurnTest, expected_topics
 from vsnbench.robots.checkup.checks import battery_result
 from vsnbench.robots.checkup.commanded_turn import turn_timeout_s
+from vsnbench.robots.checkup.images import image_topics
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.robots.ros.link import connect
 from vsnbench.robots.ros.start import Patience, wait_until_ready
@@ -257,15 +258,15 @@ class _TurnTest(TurnTest):
         return MotionResult(answered, turn_rad=now.latest.pose.heading_rad - before.pose.heading_rad, failure=reason)
 
     def newest_images(self) -> Mapping[str, Any]:
-        """Return a `colour` and a `depth` image that arrive from now on, without those that do not."""
-        began_s = time.monotonic()
+        """Return the newest images of `image_topics` that arrive from now on, without those that do not."""
+        began_s, topics = time.monotonic(), image_topics(self._link.names)
 
         def arrived(now: RobotSnapshot) -> dict[str, Any]:
-            newest = {"colour": now.colors, "depth": now.depths}
+            newest = {what: now.further.get(topic, ()) for what, topic in topics.items()}
+            newest |= {"colour": now.colors, "depth": now.depths}
             return {what: images[-1] for what, images in newest.items() if images and images[-1].arrival_s > began_s}
 
-        wanted = 1 + bool(self._link.names.depth)
-        self._link.wait_for(lambda now: len(arrived(now)) == wanted, _IMAGES_S)
+        self._link.wait_for(lambda now: len(arrived(now)) == len(topics), _IMAGES_S)
         return {what: self._link.image(image.payload) for what, image in arrived(self._link.snapshot()).items()}
 
     def further_results(self) -> Iterator[CheckResult]:

@@ -124,6 +124,12 @@ class RosInterface(Interface):
         return "nav_msgs/Odometry" if self.tf is None else TF_MESSAGE
 
     @property
+    def camera_topics(self) -> dict[CameraRole, CameraTopics]:
+        """Topics of every camera by role; those of the main one are `color`, `depth` and their calibrations."""
+        main = {part: getattr(self, part) for part in CameraTopics.model_fields}
+        return {CameraRole.FRONT: CameraTopics.model_construct(**main), **self.cameras}
+
+    @property
     def further_images(self) -> list[str]:
         """Topics of colour and depth of the further cameras."""
         return [topic for topics in self.cameras.values() for topic in (topics.color, topics.depth) if topic]
@@ -210,13 +216,6 @@ def require_interface(profile: RobotProfile, kind: str, wanted: type[AnyInterfac
         RobotError: the profile has another interface or none.
     """
     if isinstance(profile.interface, wanted):
-        if unknown := set(profile.interface.cameras) - set(profile.cameras):
-            raise RobotError(
-                f"robot profile {profile.name} has topics of a {min(unknown)} camera in interface.cameras, but no such "
-                "camera in cameras",
-                advice=f"state its image and mount: cameras: {{{min(unknown)}: ...}}",
-                code="wrong-interface",
-            )
         return profile.interface.resolved()
     raise RobotError(
         f"robot profile {profile.name} has {profile.interface.kind if profile.interface else 'no'} interface",

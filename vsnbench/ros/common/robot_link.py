@@ -28,6 +28,8 @@ logger = logging.getLogger(__name__)
 Found = TypeVar("Found")
 _COLOR_FRAMES = 6
 """Number of colour images that a snapshot holds."""
+MOST_FURTHER_IMAGES = 6
+"""Number of images of each topic of a further camera."""
 _LAST_MESSAGES_S = 0.05
 """Time in which the threads of the middleware send the last message."""
 
@@ -241,7 +243,7 @@ class RobotLink(ABC):
         for role, topics in names.cameras.items():
             for info, images in ((topics.color_info, topics.color), (topics.depth_info, topics.depth)):
                 if images and role in self.profile.cameras:
-                    self._subscribe_image(images, "further", _COLOR_FRAMES)
+                    self._subscribe_image(images, "further", MOST_FURTHER_IMAGES)
                 if images and info:
                     self._subscribe_camera_info(info, partial(self._reports.take_camera_info, images))
 

@@ -13,7 +13,7 @@ from vsnbench.sensing.simulation import ACCOUNT, CATEGORIES, CONTACT, GROUND_TRU
 from vsnbench.simulator.dynamics.simulated_base import Contact
 from vsnbench.simulator.robot_player import CameraImages, RobotOutlet, RobotPlayer, SimulationOptions
 from vsnbench.sites.site import Site
-from vsnbench.values.camera import Camera
+from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import LEVEL, Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile
 
@@ -118,11 +118,15 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
         self._contact.publish(self._text_message(now.name if now else ""))
         self._publish_bumper(before, now)
 
-    def wants_pictures(self) -> bool:
-        """Return whether a node subscribes to an image."""
-        further = (publisher for publishers in self._further.values() for publisher in publishers)
-        images = (self._color, self._depth, self._instances, *further)
-        return any(publisher is not None and self._subscribers(publisher) for publisher in images)
+    def watched_cameras(self) -> frozenset[CameraRole]:
+        """Return the roles of the cameras to whose images a node subscribes."""
+        images: dict[CameraRole, tuple[Any, ...]] = {CameraRole.FRONT: (self._color, self._depth, self._instances)}
+        images |= {role: (color, depth) for role, (color, _, depth, _) in self._further.items()}
+        return frozenset(
+            role
+            for role, publishers in images.items()
+            if any(publisher is not None and self._subscribers(publisher) for publisher in publishers)
+        )
 
     def publish_picture(self, picture: CameraImages) -> None:
         """Publish the images and calibrations of the cameras."""
@@ -131,9 +135,9 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
             self._instances.publish(self._image_message(picture.instances, "16UC1", stamp_s, self.depth_frame))
         main = (self._color, self._color_info, self._depth, self._depth_info)
         self._publish_images(main, picture, self.profile.camera, self.color_frame, self.depth_frame)
-        for role, publishers in self._further.items():
+        for role, seen in picture.cameras.items():
             frame = f"{role}_camera_optical_frame"
-            self._publish_images(publishers, picture.cameras[role], self.profile.cameras[role], frame, frame)
+            self._publish_images(self._further[role], seen, self.profile.cameras[role], frame, frame)
 
     def _publish_images(
         self, publishers: tuple[Any, ...], seen: CameraImages, camera: Camera, color_frame: str, depth_frame: str

@@ -43,6 +43,8 @@ def sweep_results(results: ResultsDirectory, journal: Journal) -> None:
         lost = episode.steps + 1
         while rgb_path(directory, lost).is_file() or depth_path(directory, lost).is_file():
             leftovers += [rgb_path(directory, lost), depth_path(directory, lost)]
+            for path_of in (rgb_path, depth_path):
+                leftovers += directory.glob(path_of(Path(), lost, "*").as_posix())
             leftovers += directory.glob(film_path(Path(), lost, 0).as_posix().replace("-000", "-*"))
             lost += 1
         for path in leftovers:

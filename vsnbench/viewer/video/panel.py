@@ -1,6 +1,7 @@
 """The part of a frame that shows one episode: camera, floor plan, distance, action, and at the end the verdict."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import cv2
@@ -50,20 +51,26 @@ class _Shot:
     """Index of the step that the robot takes."""
     poses: int
     """Number of poses of the driven path until then."""
+    cameras: Mapping[str, bytes | None]
+    """Latest images of the further cameras, by role."""
 
 
 def _shots_of(start: Pose, entries: list[StepEntry]) -> tuple[list[_Shot], list[Pose]]:
     """Return the frames of an episode and its path: one per step, or the first and its film where it has one."""
     if not any(entry.film for entry in entries):
         path = driven_path(start, (entry.step for entry in entries))
-        return [_Shot(entry.rgb_jpeg, k, k + 1) for k, entry in enumerate(entries)], path
-    shots, path = [_Shot(entries[0].rgb_jpeg, 0, 1)], [start]
+        return [_Shot(entry.rgb_jpeg, k, k + 1, _further(entry)) for k, entry in enumerate(entries)], path
+    shots, path = [_Shot(entries[0].rgb_jpeg, 0, 1, _further(entries[0]))], [start]
     for k, entry in enumerate(entries):
         for frame in entry.film:
             path.append(frame.moment.pose)
-            shots.append(_Shot(frame.rgb_jpeg, k, len(path)))
+            shots.append(_Shot(frame.rgb_jpeg, k, len(path), _further(entry)))
         path.append(driven_path(path[-1], [entry.step])[-1] if entry.step.world is not None else path[-1])
     return shots, path
+
+
+def _further(entry: StepEntry) -> dict[str, bytes | None]:
+    return {role: rgb for role, (rgb, _) in entry.cameras.items()}
 
 
 class EpisodePanel:
@@ -85,7 +92,9 @@ class EpisodePanel:
                 code="no-images",
             )
         self._shots, self._path = _shots_of(replay.header.begin.pose, self._steps)
-        self._camera = _Camera(self._shots)
+        roles = sorted({role for shot in self._shots for role in shot.cameras}) if style.details else []
+        self._camera = _Camera([shot.jpeg for shot in self._shots])
+        self._further = {role: _Camera([shot.cameras.get(role) for shot in self._shots]) for role in roles}
         title, self._line = round(style.text * 2.2), round(style.text * 1.7)
         self._title = Area(area.left + style.text, area.top, area.width - 2 * style.text, title)
         body = Area(area.left, area.top + title, area.width, area.height - title)
@@ -94,6 +103,9 @@ class EpisodePanel:
         else:
             self._picture = body
         seen, lines = self._picture, 2 if style.details else 1
+        strip = round(seen.height * 0.3) if roles else 0
+        self._strip = Area(seen.left, seen.top + seen.height - strip, seen.width, strip)
+        self._picture = seen = replace(seen, height=seen.height - strip)
         self._banner = Area(seen.left, seen.top + seen.height - lines * self._line, seen.width, lines * self._line)
 
     def _arrange(self, body: Area) -> None:
@@ -148,14 +160,27 @@ class EpisodePanel:
         header = self._replay.header
         title = f"{header.goal} from start {header.start_number} · {header.model}"
         canvas.write(title, self._title, self._style.text, bold=True)
-        canvas.paste(self._camera.picture(min(frame, len(self._shots) - 1)), self._picture)
+        place = min(frame, len(self._shots) - 1)
+        canvas.paste(self._camera.picture(place), self._picture)
         if self._style.details:
+            self._draw_further(canvas, place)
             poses = len(self._path) if is_end else shot.poses
             color = self._result()[1] if is_end else PATH_RGB
             canvas.paste(self._plan.draw(self._path[:poses], color), self._plan_area)
             self._write_step(canvas, number, poses)
         if is_end:
             self._write_result(canvas)
+
+    def _draw_further(self, canvas: FrameCanvas, place: int) -> None:
+        """Draw the images of the further cameras below that of the main one, each over its role."""
+        strip, count = self._strip, len(self._further)
+        height = strip.height - self._line
+        width = min(strip.width // max(count, 1), round(height * 4 / 3))
+        for number, (role, camera) in enumerate(self._further.items()):
+            left = strip.left + (strip.width - count * width) // 2 + number * width
+            canvas.paste(camera.picture(place), Area(left, strip.top, width, height).inset(2))
+            words = Area(left + 2, strip.top + height, width - 4, self._line)
+            canvas.write(role, words, round(self._style.text * 0.85), FAINT)
 
     def _write_step(self, canvas: FrameCanvas, number: int, poses: int) -> None:
         """Write the action, the distance and the scores of a step, in the order of the lines."""
@@ -247,8 +272,8 @@ class EpisodePanel:
 class _Camera:
     """Decodes the colour images of an episode; a missing or damaged one repeats the last."""
 
-    def __init__(self, shots: list[_Shot]) -> None:
-        self._shots = shots
+    def __init__(self, files: list[bytes | None]) -> None:
+        self._files = files
         self._number = -1
         self._shown: Image = np.full((48, 64, 3), _MISSING_RGB, np.uint8)
 
@@ -262,7 +287,7 @@ class _Camera:
         """Return the image of a frame, (H, W, 3) RGB."""
         if number != self._number:
             self._number = number
-            jpeg = self._shots[number].jpeg
+            jpeg = self._files[number]
             bgr = decode_picture(jpeg, cv2.IMREAD_COLOR) if jpeg else None
             if bgr is not None:
                 self._shown = np.ascontiguousarray(bgr[..., ::-1])

@@ -28,6 +28,7 @@ from vsnbench.results.reading.queries import images_of
 from vsnbench.results.schema.migrate import open_record
 from vsnbench.results.writing.journal import Journal
 from vsnbench.results.writing.provenance import gather_provenance
+from vsnbench.values.camera import CameraRole
 from vsnbench.viewer.replay import read_episode
 from vsnbench.viewer.video.episodes import write_video
 from vsnbench.web.results_browser.data import cards_json, episode_json, episodes_json, recorded_site, version_of
@@ -73,6 +74,7 @@ class BrowserApp:
                 Route("/plan/{sha256}.svg", self._plan),
                 Route("/images/{number:int}/{step:int}.jpg", self._image),
                 Route("/images/{number:int}/{step:int}-{frame:int}.jpg", self._image),
+                Route("/images/{number:int}/{step:int}-{role}.jpg", self._image),
                 Route("/video/{numbers}.mp4", self._video),
                 Route("/annotate", self._annotate, methods=["POST"]),
             ],
@@ -134,11 +136,11 @@ class BrowserApp:
             raise HTTPException(404, "this step has no image")
         return Response(content, media_type=_JPEG, headers={"cache-control": "private, max-age=3600"})
 
-    def _read_image(self, number: int, step: int, frame: int | None = None) -> bytes | None:
-        """Return the image of a step, or one of its film."""
-        if not (images := images_of(self._engine, number, film=frame is not None)):
+    def _read_image(self, number: int, step: int, frame: int | None = None, role: str = "") -> bytes | None:
+        """Return the image of a step, one of its film, or that of the further camera with a role."""
+        if not (images := images_of(self._engine, number, film=frame is not None)) or role not in ("", *CameraRole):
             return None
-        file = rgb_path(Path(), step) if frame is None else film_path(Path(), step, frame)
+        file = rgb_path(Path(), step, role) if frame is None else film_path(Path(), step, frame)
         return read_confined(self._results.episode_directory(images), file)
 
     async def _video(self, request: Request) -> Response:

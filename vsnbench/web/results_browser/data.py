@@ -11,9 +11,10 @@ from typing import Any, Final
 
 from sqlalchemy import Engine, func, select, union_all
 
-from vsnbench.report.analysis.courses import read_courses
+from vsnbench.report.analysis.reading import read_courses
 from vsnbench.results.annotations import NOTE, TAGGED, UNTAGGED
 from vsnbench.results.files.film import RecordedFrame, film_of
+from vsnbench.results.files.images import further_images
 from vsnbench.results.goals import with_goals
 from vsnbench.results.model import FACTS, ROW, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_rows, episode_steps
@@ -128,7 +129,8 @@ def episode_json(engine: Engine, number: int) -> dict[str, Any]:
     Poses are [x, y, heading] in the site's frame, metres and radians. `path` has the pose before each step and the one
     at the end; it comes from odometry where the pose in the site is unknown. `pose` of a step is that of its image.
     `film` of a step has a row for each image until the next answer: time, x, y, heading, and the velocity that a stack
-    commanded then (m/s, m/s, rad/s). Times are seconds on the robot's clock.
+    commanded then (m/s, m/s, rad/s). Times are seconds on the robot's clock. `cameras` of a step has the roles of the
+    further cameras that it has images of; steps of a robot with one camera do not have it.
 
     Raises:
         UsageError: the episode does not exist.
@@ -298,6 +300,7 @@ def _step(step: StepRecord) -> dict[str, Any]:
         "values": _values(step.details),
         "note": _note(step.details),
         "has_image": step.rgb_digest is not None,
+        **({"cameras": cameras} if (cameras := further_images(step.details)) else {}),
     }
 
 

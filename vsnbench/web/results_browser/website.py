@@ -196,6 +196,7 @@ def contents(
             if not with_films:
                 for step in episode["steps"]:
                     step["film"] = []
+                    step.pop("cameras", None)
             has_images = False
             for name, content in _pictures(results, recorded.images_directory, episode, picture):
                 has_images = True
@@ -209,13 +210,14 @@ def contents(
 def _pictures(
     results: ResultsDirectory, images: str, episode: dict[str, Any], picture: Picture
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield names and contents of the colour images of an episode and of its film, smaller than recorded."""
+    """Yield names and contents of the colour images of an episode: of all cameras, and of its film; made smaller."""
     if not images:
         return
     folder = results.episode_directory(images)
     for step in episode["steps"]:
         number = step["number"]
         files = {str(number): rgb_path(Path(), number)}
+        files |= {f"{number}-{role}": rgb_path(Path(), number, role) for role in step.get("cameras", ())}
         files |= {f"{number}-{k}": film_path(Path(), number, k) for k in range(1, len(step["film"]) + 1)}
         for name, file in files.items():
             content = read_confined(folder, file)

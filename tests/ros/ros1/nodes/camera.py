@@ -3,7 +3,7 @@
 `silent` sends nothing, `blind` no depth, `small` half the size, `yuv` another encoding, `past` stamps from yesterday,
 `holes` a depth image with a different tenth of its pixels invalid each time, `frozen` the same colours with new stamps,
 `half` no depth in the left half, `slow` one image per second, `late` 0.3 s after its stamp; `frozen+half` is both, and
-`good` is back to normal.
+`good` is back to normal. With `apart S`, every camera sends five images a second, the left one's are stamped S earlier.
 """
 
 import time
@@ -26,6 +26,8 @@ def on_fault(message: String) -> None:
 rospy.Subscriber("/camera/fault", String, on_fault, queue_size=10)
 color = rospy.Publisher("/camera/color/image_raw", Image, queue_size=1)
 depth = rospy.Publisher("/camera/depth/image_raw", Image, queue_size=1)
+left_color = rospy.Publisher("/camera_left/color/image_raw", Image, queue_size=1)
+left_depth = rospy.Publisher("/camera_left/depth/image_raw", Image, queue_size=1)
 
 
 def image(pixels: np.ndarray, encoding: str, stamp: rospy.Time) -> Image:
@@ -39,7 +41,7 @@ rng = np.random.default_rng(0)
 due = time.monotonic()
 colors = None
 while not rospy.is_shutdown():
-    due += 1.0 if "slow" in fault else 1 / RATE_HZ
+    due += 1.0 if "slow" in fault else 0.2 if "apart" in fault else 1 / RATE_HZ
     time.sleep(max(due - time.monotonic(), 0))
     if fault == "silent":
         continue
@@ -55,3 +57,7 @@ while not rospy.is_shutdown():
         wall[:, : WIDTH // 2] = 0
     if fault != "blind":
         depth.publish(image(wall, "16UC1", stamp))
+    if "apart" in fault:
+        before = stamp - rospy.Duration(float(fault.split()[1]))
+        left_color.publish(image(colors, "rgb8", before))
+        left_depth.publish(image(wall, "16UC1", before))

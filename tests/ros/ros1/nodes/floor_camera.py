@@ -1,4 +1,4 @@
-"""A tilted camera with lens distortion over a bare floor, on raw and compressed topics."""
+"""A tilted camera with lens distortion over a bare floor, on raw and compressed topics; another to the left."""
 
 import numpy as np
 import rospy
@@ -7,9 +7,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tests.robots.floor_images import FISHEYE_K, HEIGHT, LENS, WIDTH, K, compressed, depth_mm
 
 rospy.init_node("floor_camera")
-color = rospy.Publisher("/camera/color/image_raw", Image, queue_size=1)
-depth = rospy.Publisher("/camera/depth/image_raw", Image, queue_size=1)
-infos = [rospy.Publisher(f"/camera/{part}/camera_info", CameraInfo, queue_size=1) for part in ("color", "depth")]
+names = [f"/{camera}/{part}" for camera in ("camera", "camera_left") for part in ("color", "depth")]
+images = {name: rospy.Publisher(f"{name}/image_raw", Image, queue_size=1) for name in names}
+infos = [rospy.Publisher(f"{name}/camera_info", CameraInfo, queue_size=1) for name in names]
 fisheye = rospy.Publisher("/camera/fisheye/camera_info", CameraInfo, queue_size=1)
 packed = {topic: rospy.Publisher(topic, CompressedImage, queue_size=1) for topic in compressed()}
 contents, measured, seen = compressed(), depth_mm(), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
@@ -30,8 +30,9 @@ while not rospy.is_shutdown():
     info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="equidistant", D=[0.0] * 4, K=FISHEYE_K)
     info.header.stamp = stamp
     fisheye.publish(info)
-    color.publish(image(seen, "rgb8", stamp))
-    depth.publish(image(measured, "16UC1", stamp))
+    for name, publisher in images.items():
+        pixels, encoding = (seen, "rgb8") if "color" in name else (measured, "16UC1")
+        publisher.publish(image(pixels, encoding, stamp))
     for topic, content in contents.items():
         message = CompressedImage(format=content.format, data=content.data)
         message.header.stamp = stamp

@@ -1,4 +1,4 @@
-"""A tilted camera with lens distortion over a bare floor, on raw and compressed ROS 2 topics."""
+"""A tilted camera with lens distortion over a bare floor, on raw and compressed ROS 2 topics; another to the left."""
 
 import array
 import sys
@@ -17,9 +17,9 @@ from vsnbench.ros.ros2.node import SENSOR_DATA, Ros2Node
 
 node = Ros2Node("floor_camera")
 make = node.rclpy.create_publisher
-color = make(Image, "/camera/color/image_raw", SENSOR_DATA)
-depth = make(Image, "/camera/depth/image_raw", SENSOR_DATA)
-infos = [make(CameraInfo, f"/camera/{part}/camera_info", SENSOR_DATA) for part in ("color", "depth")]
+names = [f"/{camera}/{part}" for camera in ("camera", "camera_left") for part in ("color", "depth")]
+images = {name: make(Image, f"{name}/image_raw", SENSOR_DATA) for name in names}
+infos = [make(CameraInfo, f"{name}/camera_info", SENSOR_DATA) for name in names]
 fisheye = make(CameraInfo, "/camera/fisheye/camera_info", SENSOR_DATA)
 packed = {topic: make(CompressedImage, topic, SENSOR_DATA) for topic in compressed()}
 contents, measured, seen = compressed(), depth_mm(), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
@@ -34,8 +34,9 @@ while True:
     info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model="equidistant", d=[0.0] * 4, k=FISHEYE_K)
     info.header.stamp = time_of(stamp_s)
     fisheye.publish(info)
-    color.publish(image_message(seen, "rgb8", stamp_s))
-    depth.publish(image_message(measured, "16UC1", stamp_s))
+    for name, publisher in images.items():
+        pixels, encoding = (seen, "rgb8") if "color" in name else (measured, "16UC1")
+        publisher.publish(image_message(pixels, encoding, stamp_s))
     for topic, content in contents.items():
         message = CompressedImage(format=content.format, data=array.array("B", content.data))
         message.header.stamp = time_of(stamp_s)

@@ -16,6 +16,8 @@ class Player {
     this.plan = new Plan(episode, track);
     this.image = make("img", { alt: "", class: "camera" });
     this.none = make("p", { class: "dim none", hidden: true }, "No image of this step.");
+    const roles = new Set(episode.row.has_images ? episode.steps.flatMap((step) => step.cameras ?? []) : []);
+    this.views = new Map([...roles].map((role) => [role, { image: make("img", { alt: "" }), caption: make("figcaption", { class: "small" }) }]));
     this.other = make("figcaption", { class: "dim small", hidden: true });
     this.action = make("p", { class: "action" });
     this.scores = make("div", { class: "scores" });
@@ -25,13 +27,18 @@ class Player {
     this.element = make("article", { class: "player", "aria-label": `episode ${row.id}` },
       make("h2", {}, make("a", { href: `#/episode/${row.id}` }, `#${row.id}`), " ", swatch(color), `${row.condition} `,
         make("span", { class: "dim small" }, `${row.goal} from start ${row.start}${row.repetition > 1 ? ` (${row.repetition})` : ""}`)),
-      make("div", { class: "stage" }, make("figure", {}, this.image, this.none, this.other), this.plan.holder,
+      make("div", { class: "stage" }, make("div", { class: "cameras" }, make("figure", {}, this.image, this.none, this.other), this.furtherCameras()), this.plan.holder,
         make("div", { class: "side" }, this.chip, this.result(), this.banner, this.action, this.scores)));
     this.image.addEventListener("error", () => { this.image.hidden = true; this.none.hidden = false; });
   }
 
   get last() {
     return this.moments.at(-1).at;
+  }
+
+  // Pictures of the further cameras, by role.
+  furtherCameras() {
+    return this.views.size ? make("div", { class: "views" }, ...[...this.views.values()].map(({ image, caption }) => make("figure", {}, image, caption))) : "";
   }
 
   // Where the episode ended, and what it took.
@@ -106,6 +113,7 @@ class Player {
 
   showImage(moment, place) {
     const { row } = this.episode;
+    this.showFurther(moment, place);
     this.image.hidden = moment.image === null || !row.has_images;
     this.none.hidden = !this.image.hidden;
     if (this.image.hidden) return;
@@ -116,6 +124,20 @@ class Player {
     this.image.alt = this.inTime ? `camera at ${moment.at.toFixed(1)} s` : `camera before action ${moment.seen + 1}`;
     const next = this.moments.slice(place + 1, place + (this.inTime ? PRELOADED_FILM : PRELOADED));
     for (const { image } of next) if (image !== null && !isSingle) new Image().src = pictureOf(row.id, image).address;
+  }
+
+  // The further cameras have an image per step: between them the last one stays, with its time.
+  showFurther(moment, place) {
+    const latest = this.moments.slice(0, place + 1).findLast(({ seen }) => seen >= 0);
+    const step = this.episode.steps[latest?.seen];
+    for (const [role, { image, caption }] of this.views) {
+      image.hidden = !step?.cameras?.includes(role);
+      caption.textContent = image.hidden ? `${role}: no image of this step` : latest.at < moment.at && !moment.isEnd ? `${role} at ${latest.at.toFixed(1)} s` : role;
+      if (image.hidden) continue;
+      const { address } = pictureOf(this.episode.row.id, `${step.number}-${role}`);
+      if (image.getAttribute("src") !== address) image.src = address;
+      image.alt = `${role} camera before action ${step.number}`;
+    }
   }
 }
 

@@ -1,6 +1,6 @@
 // The goals of the site: their list with what the checks find, and the fields of the selected goal.
 
-import { outline, radians, rounded, shapeOf, targetsOf } from "./model.js";
+import { distance, outline, radians, rounded, shapeOf, targetsOf } from "./model.js";
 import { idOf, make } from "./panel.js";
 
 const at = (id) => document.getElementById(id);
@@ -9,10 +9,27 @@ const CAMERA_AWAY_M = 1.2;
 const WORDS = { text: "the words", instruction: "the route in words" };
 const NEEDED = { category: "category", text: "text", image: "image", instruction: "text", point: "targets", route: "images", sequence: "goals" };
 const LISTS = { route: "images", sequence: "goals" };
-const LIST_NOTES = { images: "Photographs along the way, in order: files next to the site file, separated by commas.", goals: "Ids of goals and categories, in the order in which they are given, separated by commas." };
+const MOST_PHOTOS = 50; // of 640 x 480: a route may have 16 million pixels
 
 export const KINDS = Object.keys(NEEDED);
-const startsOf = (goal) => (Array.isArray(goal.starts) ? goal.starts : []);
+const listOf = (value) => (Array.isArray(value) ? value : []);
+const startsOf = (goal) => listOf(goal.starts);
+const lengthOf = (way) => way.slice(1).reduce((sum, point, k) => sum + distance(way[k], point), 0);
+
+// Poses at both ends of a way and evenly between, at most `every_m` apart, in the direction of the way.
+export function posesAlong(way, every_m) {
+  const whole = lengthOf(way);
+  const parts = Math.max(1, Math.ceil(whole / every_m - 1e-6));
+  return Array.from({ length: parts + 1 }, (_, number) => {
+    let left = (whole * number) / parts;
+    let k = 0;
+    while (k < way.length - 2 && left > distance(way[k], way[k + 1])) { left -= distance(way[k], way[k + 1]); k += 1; }
+    const [from, to] = [way[k], way[k + 1]];
+    const share = Math.min(1, left / (distance(from, to) || 1));
+    const heading_deg = rounded((Math.atan2(to[1] - from[1], to[0] - from[0]) * 180) / Math.PI, 1);
+    return { x_m: rounded(from[0] + share * (to[0] - from[0]), 0.01), y_m: rounded(from[1] + share * (to[1] - from[1]), 0.01), heading_deg };
+  });
+}
 
 // The name of a target: an object's id, `every chair`, `region kitchen`, or `point 2`.
 export function targetName(target, index) {
@@ -53,6 +70,8 @@ export class GoalCard {
     tools.onTarget = (of) => this.#toggle(of);
     tools.onTargetDrawn = (target) => this.#addTarget(target);
     tools.onCamera = (camera) => this.#aim(camera);
+    tools.onWayDrawn = (way) => this.#photographWay(way);
+    this.every_m = 1;
   }
 
   // Shows the list. Below each goal is what the checks find in it.
@@ -65,13 +84,20 @@ export class GoalCard {
       make("strong", { textContent: goal.id ?? "" }, button);
       const targets = targetsOf(goal).map(targetName).join(", ");
       const starts = startsOf(goal).length ? `, starts ${rangesOf(startsOf(goal))}` : "";
-      button.append(` ${goal.kind}: ${goal.kind === "point" ? "" : [goal[NEEDED[goal.kind]] ?? ""].flat().join(", ")}${targets ? ` → ${targets}` : ""}${starts}`);
+      button.append(` ${goal.kind}: ${this.#described(goal)}${targets ? ` → ${targets}` : ""}${starts}`);
       button.setAttribute("aria-pressed", String(this.#goalIndex() === index));
       button.addEventListener("click", () => model.select(["goals", index]));
       const found = this.findings.filter((finding) => finding.entries.some(([list, at]) => list === "goals" && at === index));
       for (const finding of found) make("p", { className: `found ${finding.severity}`, textContent: `${finding.severity}: ${finding.message}` }, row);
     }
     at("goal-count").textContent = model.site.goals.length ? "" : "No goals beyond the categories of the objects.";
+  }
+
+  #described(goal) {
+    if (goal.kind === "point") return "";
+    const content = goal[NEEDED[goal.kind]] ?? "";
+    if (goal.kind === "route") return `${content.length} photograph${content.length === 1 ? "" : "s"}`;
+    return [content].flat().map((each) => each?.id ?? each).join(", ");
   }
 
   #goalIndex() { return this.model.selected?.[0] === "goals" ? this.model.selected[1] : -1; }
@@ -103,11 +129,8 @@ export class GoalCard {
     if (WORDS[goal.kind]) panel.area("text", WORDS[goal.kind], goal.text ?? "", (text) => { goal.text = text.split(/\s+/).filter(Boolean).join(" "); });
     if (goal.kind === "category") panel.input("category", "text", goal.category ?? "", set("category"));
     if (goal.kind === "image") this.#imageFields(goal, set("image"));
-    const list = LISTS[goal.kind];
-    if (list) {
-      panel.input(list, "text", (Array.isArray(goal[list]) ? goal[list] : []).map((each) => each?.id ?? each).join(", "), (text) => { goal[list] = text.split(/[\s,;]+/).filter(Boolean); });
-      panel.note(LIST_NOTES[list]);
-    }
+    if (goal.kind === "route") this.#routeFields(goal);
+    if (goal.kind === "sequence") this.#legFields(goal);
     if (goal.kind !== "sequence") this.#targetFields(goal, index);
     panel.input("starts", "text", rangesOf(startsOf(goal)), (text) => {
       const starts = numbersOf(text);
@@ -128,8 +151,73 @@ export class GoalCard {
     if (kind === "instruction") goal.starts ??= [];
   }
 
+  // The goals of a sequence in their order.
+  #legFields(goal) {
+    const { model, panel } = this;
+    panel.note("Its goals, in the order in which they are given:");
+    this.#ordered(goal, "goals");
+    const others = model.site.goals.filter((each) => each !== goal && each.kind !== "sequence").map((each) => each.id);
+    const categories = [...new Set(model.site.objects.map((object) => object.category))].sort();
+    panel.pick("add goal", [["", "…"], ...[...others, ...categories].map((name) => [name, name])], (name) => {
+      if (!name) return;
+      panel.focusNext = "field-add-goal";
+      model.change(() => { goal.goals = [...listOf(goal.goals), name]; });
+    });
+  }
+
+  // The photographs of a route in their order, and what takes more.
+  #routeFields(goal) {
+    const { panel, tools } = this;
+    panel.note("Its photographs, along the way:");
+    this.#ordered(goal, "images");
+    panel.input("add files", "text", "", (text) => { goal.images = [...listOf(goal.images), ...text.split(/[\s,;]+/).filter(Boolean)]; });
+    panel.note("Names of images next to the site file, separated by commas.");
+    this.#drawing("Draw a way and photograph it", "way");
+    panel.quiet("a photo every, m", this.every_m, (metres) => { if (metres > 0) this.every_m = metres; });
+    if (tools.tool === "way") panel.note("By keyboard: arrow keys move the plan, Enter adds a point in its middle, and Enter again ends the way there.");
+    this.#cameraFields(goal, "Add a photo from the twin");
+  }
+
+  // The entries of a list of a goal, each with buttons that move it or remove it.
+  #ordered(goal, field) {
+    const { model, panel } = this;
+    const list = make("ol", { className: "targets wide" }, panel.form);
+    list.setAttribute("aria-label", field);
+    const entries = listOf(goal[field]);
+    entries.forEach((entry, place) => {
+      const row = make("li", {}, list);
+      const name = entry?.id ?? entry;
+      make("span", { textContent: field === "images" ? `${place + 1}.` : `${place + 1}. ${name}` }, row);
+      if (field === "images") make("img", { className: "photo", alt: name, title: name, src: `/goal-image?file=${encodeURIComponent(name)}` }, row);
+      const key = (text, words, to) => {
+        const button = make("button", { type: "button", id: idOf(`${field} ${place} ${words}`), className: "key", textContent: text, disabled: to !== null && !(to in entries) }, row);
+        button.setAttribute("aria-label", `${place + 1}. ${name}: ${words}`);
+        button.addEventListener("click", () => {
+          const others = entries.filter((_, other) => other !== place);
+          if (to !== null) others.splice(to, 0, entry);
+          panel.focusNext = idOf(`${field} ${Math.min(to ?? place, others.length - 1)} ${words}`);
+          model.change(() => { goal[field] = others; });
+        });
+      };
+      key("↑", "earlier", place - 1);
+      key("↓", "later", place + 1);
+      key("Remove", "remove", null);
+    });
+    if (!entries.length) panel.note("None yet.");
+  }
+
+  #drawing(text, tool) {
+    const { panel, plan, tools } = this;
+    panel.press(text, (event) => {
+      tools.use(tool);
+      if (event.detail === 0) tools.addInView(); // selected by keyboard, so there is no pointer position
+      plan.svg.focus({ preventScroll: true });
+      plan.svg.scrollIntoView({ block: "nearest" });
+    }, tools.tool === tool);
+  }
+
   #targetFields(goal, index) {
-    const { model, panel, plan, tools } = this;
+    const { model, panel } = this;
     const list = make("ul", { className: "targets wide" }, panel.form);
     list.setAttribute("aria-label", "Targets");
     targetsOf(goal).forEach((target, number) => {
@@ -144,21 +232,16 @@ export class GoalCard {
       remove.addEventListener("click", () => { panel.focusNext = "field-add-target"; model.change(() => { goal.targets = targetsOf(goal).filter((_, other) => other !== number); }); });
     });
     if (!targetsOf(goal).length) panel.note(goal.kind === "category" ? "Targets: every object of the category." : "No targets yet: choose what counts as reached.");
+    if (goal.kind === "point") { this.#drawing("Place the point on the plan", "point"); return; }
     const categories = [...new Set(model.site.objects.map((object) => object.category))].sort();
     const options = [["", "…"], ...model.site.objects.map((object) => [object.id, object.id]), ...categories.map((category) => [`every ${category}`, `every ${category}`])];
     panel.pick("add target", options, (value) => {
       if (!value) return;
       this.#addTarget(value.startsWith("every ") ? { category: value.slice(6) } : value);
     });
-    const draw = (text, tool) => panel.press(text, (event) => {
-      tools.use(tool);
-      if (event.detail === 0) tools.addInView(); // selected by keyboard, so there is no pointer position
-      plan.svg.focus({ preventScroll: true });
-      plan.svg.scrollIntoView({ block: "nearest" });
-    }, tools.tool === tool);
-    draw("Choose targets on the plan", "target");
-    draw("Draw a region", "region");
-    draw("Add a point", "point");
+    this.#drawing("Choose targets on the plan", "target");
+    this.#drawing("Draw a region", "region");
+    this.#drawing("Add a point", "point");
   }
 
   #addTarget(target) {
@@ -167,7 +250,7 @@ export class GoalCard {
     const index = this.#goalIndex();
     const shape = shapeOf(target);
     if (!shape && targetsOf(goal).some((each, number) => targetName(each, number) === targetName(target))) return;
-    model.change(() => { goal.targets = [...targetsOf(goal), target]; });
+    model.change(() => { goal.targets = goal.kind === "point" ? [target] : [...targetsOf(goal), target]; });
     if (shape) model.select(["goals", index, goal.targets.length - 1]);
   }
 
@@ -189,12 +272,18 @@ export class GoalCard {
   }
 
   #imageFields(goal, set) {
-    const { panel, plan, tools } = this;
+    const { panel } = this;
     panel.input("image", "text", goal.image ?? "", set);
     if (goal.image) {
       const image = make("img", { className: "wide photo", alt: `Image of goal ${goal.id}`, src: `/goal-image?file=${encodeURIComponent(goal.image)}` }, panel.form);
       image.addEventListener("error", () => { image.hidden = true; });
     }
+    this.#cameraFields(goal, "Take a photo from the twin");
+  }
+
+  // What uploads a photograph, and the camera that takes one in the twin.
+  #cameraFields(goal, take) {
+    const { panel, plan, tools } = this;
     const camera = this.camera(goal);
     const upload = panel.file("upload an image", "image/png,image/jpeg", (file) => this.#upload(goal, file));
     upload.setAttribute("aria-describedby", "hint");
@@ -206,7 +295,7 @@ export class GoalCard {
       tools.use("camera");
       plan.svg.scrollIntoView({ block: "nearest" });
     }, tools.tool === "camera");
-    panel.press("Take a photo from the twin", () => this.#store("/goal-photo", goal, { site: this.model.site, ...this.camera(goal) }));
+    panel.press(take, () => this.#store("/goal-photo", goal, { site: this.model.site, ...this.camera(goal) }));
   }
 
   // The pose of the camera: as placed, else in front of the first target, else at the first start.
@@ -225,8 +314,27 @@ export class GoalCard {
     return { x_m: rounded(x, 0.01), y_m: rounded(y, 0.01), heading_deg: starts[0]?.heading_deg ?? 0 };
   }
 
-  // The camera to draw on the plan and to preview; null unless an image goal is selected.
-  shownCamera() { return this.goal?.kind === "image" && this.model.selected.length === 2 ? this.camera(this.goal) : null; }
+  // Takes photographs in the twin at the ends of a way and evenly between, each in the direction of the way.
+  async #photographWay(way) {
+    const { goal, model } = this;
+    const poses = posesAlong(way, this.every_m);
+    if (!goal || listOf(goal.images).length + poses.length > MOST_PHOTOS) {
+      this.showHint(`The way has ${poses.length} photographs; a route has at most ${MOST_PHOTOS}: take one less often.`);
+      return;
+    }
+    const group = Symbol("way");
+    for (const [number, pose] of poses.entries()) {
+      this.showHint(`Photograph ${number + 1} of ${poses.length} …`);
+      if (!(await this.#store("/goal-photo", goal, { site: model.site, ...pose }, group))) return;
+    }
+    const end = way.at(-1);
+    const current = model.site.goals.find((each) => each.id === goal.id);
+    if (current && !targetsOf(current).length) model.change(() => { current.targets = [{ point: end }]; }, group);
+    this.showHint(`${poses.length} photographs along ${lengthOf(way).toFixed(1)} m.`);
+  }
+
+  // The camera to draw on the plan and to preview; null unless a goal with photographs is selected.
+  shownCamera() { return ["image", "route"].includes(this.goal?.kind) && this.model.selected.length === 2 ? this.camera(this.goal) : null; }
 
   #aim(camera) {
     if (!this.goal) return;
@@ -241,15 +349,17 @@ export class GoalCard {
     reader.readAsDataURL(file);
   }
 
-  async #store(path, goal, content) {
-    const index = this.model.site.goals.indexOf(goal);
+  // Stores a photograph and returns whether it became one of the goal; those of a `group` are undone together.
+  async #store(path, goal, content, group = null) {
+    const index = this.model.site.goals.findIndex((each) => each.id === goal.id);
     try {
       const { file } = await (await this.post(path, { goal: goal.id ?? "", ...content })).json();
       const current = this.model.site.goals[index];
-      if (current?.id !== goal.id) return;
+      if (current?.id !== goal.id) return false;
       if (this.panel.form.contains(document.activeElement)) document.activeElement.blur(); // applies a value that was just typed
-      this.model.change(() => { current.image = file; });
+      this.model.change(() => { if (current.kind === "route") current.images = [...listOf(current.images), file]; else current.image = file; }, group);
       this.showHint(`Stored ${file}.`);
-    } catch (error) { this.showHint(error.message); }
+      return true;
+    } catch (error) { this.showHint(error.message); return false; }
   }
 }

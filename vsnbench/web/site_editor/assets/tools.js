@@ -17,6 +17,7 @@ const GOAL_TOOLS = {
   region: "Click the corners of the region in order. Enter or a click on the first corner closes it. Hold Alt to draw without snapping.",
   point: "Click the point.",
   camera: "Click the camera's position. Drag before releasing to set its heading.",
+  way: "Click the points of the way in order. Enter or a click on the last point ends it, and photographs are taken along it.",
 };
 const FINGER_PX = 10;
 const DRAWN_PX = 20;
@@ -37,6 +38,7 @@ export class Tools {
 
   use(tool) {
     this.tool = tool;
+    this.byKeys = false;
     this.#end();
     this.onUse?.(tool);
     const text = TOOLS.find(([name]) => name === tool)?.[2] ?? GOAL_TOOLS[tool] ?? `Click the position of the ${tool.replaceAll("_", " ")}.`;
@@ -53,6 +55,7 @@ export class Tools {
     else if (this.tool === "room") this.model.add("rooms", { name: this.model.newName("rooms", "room"), polygon: [at, [at[0] + 3, at[1]], [at[0] + 3, at[1] + 3], [at[0], at[1] + 3]] });
     else if (this.tool === "region") this.#drawn({ region: [at, [at[0] + 1, at[1]], [at[0] + 1, at[1] + 1], [at[0], at[1] + 1]].map((point) => point.map((each) => rounded(each))) });
     else if (this.tool === "point") this.#drawn({ point: at });
+    else if (this.tool === "way") { this.byKeys = true; this.#wayPoint(this.plan.centre()); }
     else if (this.tool !== "select" && !this.isForGoal) this.#add(at);
   }
 
@@ -87,6 +90,7 @@ export class Tools {
     // Before the handles of the selected element: a new room can start at a corner of the previous one.
     if (this.tool === "wall") { this.#corner(at); return; }
     if (this.tool === "room" || this.tool === "region") { this.#roomCorner(at); return; }
+    if (this.tool === "way") { this.byKeys = false; this.#wayPoint(at); return; }
     if (this.tool === "target") { this.onTarget(of); return; }
     if (this.tool === "point") { this.#drawn({ point: at.map((each) => rounded(each, 0.01)) }); return; }
     if (this.tool === "camera") {
@@ -187,6 +191,7 @@ export class Tools {
   // Ends a dragged wall, or edge of a room, at the pointer.
   #finishDrag(at) {
     if (this.tool === "wall") this.#corner(at);
+    else if (this.tool === "way") this.#wayPoint(at);
     else this.#roomCorner(at);
   }
 
@@ -200,8 +205,26 @@ export class Tools {
     this.pointers.set(event.pointerId, now);
   }
 
+  // Adds a point to a way, or ends the way at its last point.
+  #wayPoint(at) {
+    const point = at.map((each) => rounded(each, 0.01));
+    const last = this.draft.at(-1);
+    if (last && distance(last, point) < Math.max(0.02, this.byKeys ? 0 : this.plan.reach * this.plan.unit())) { this.#endWay(); return; }
+    this.draft.push(point);
+    this.plan.draft = [...this.draft];
+    this.plan.draw();
+  }
+
+  #endWay() {
+    const way = this.draft;
+    if (way.length < 2) return;
+    this.use("select");
+    this.onWayDrawn(way);
+  }
+
   // Snaps the next point of the drawing, also to the first corner of a room that it can close.
   #next(at) {
+    if (this.tool === "way") return at.map((each) => rounded(each, 0.01));
     const meet = this.tool !== "wall" && this.draft.length > 2 ? [this.draft[0]] : [];
     return this.model.snapped(at, { from: this.draft.at(-1) ?? null, meet, free: this.free });
   }
@@ -267,7 +290,10 @@ export class Tools {
     if (this.draft.length && /^[0-9.]$/.test(event.key)) {
       this.typed += event.key;
       this.showHint(`Length: ${this.typed} m. Press Enter to set it in the direction of the pointer.`);
-    } else if (event.key === "Enter" && this.tool !== "wall" && this.draft.length > 2) this.#closeRoom();
+    } else if (event.key === "Enter" && this.tool === "way" && this.draft.length && !this.typed) {
+      if (this.byKeys) this.#wayPoint(plan.centre());
+      else this.#endWay();
+    } else if (event.key === "Enter" && this.tool !== "wall" && this.tool !== "way" && this.draft.length > 2) this.#closeRoom();
     else if (event.key === "Enter" && this.draft.length && Number(this.typed) > 0 && plan.draft?.length > 1) {
       const [from, to] = plan.draft.slice(-2);
       const share = Number(this.typed) / (distance(from, to) || 1);
@@ -285,7 +311,13 @@ export class Tools {
       const [dx, dy] = ways[event.key];
       model.change(() => this.#shift(model.entry(), [dx, dy], [middle[0] + dx, middle[1] + dy]));
       plan.onSettled?.();
-    } else if (ways[event.key]) plan.pan(-ways[event.key][0] * 10, -ways[event.key][1] * 10);
+    } else if (ways[event.key]) {
+      plan.pan(-ways[event.key][0] * 10, -ways[event.key][1] * 10);
+      if (this.byKeys) {
+        plan.draft = [...this.draft, plan.centre()];
+        plan.draw();
+      }
+    }
     else if (event.key === "r" || event.key === "R") {
       if (model.entry()) model.change(() => rotate(model.entry(), event.shiftKey ? -15 : 15));
       plan.onSettled?.();
