@@ -49,13 +49,13 @@ class Arms:
 
 
 def chances_and_nearness(
-    random: np.random.Generator, studies: int, rate: float, strength: float, together: bool
+    random: np.random.Generator, studies: int, rate: float, strength: float, together: bool, starts: int = STARTS
 ) -> tuple[Floats, Floats]:
     """Return (studies, starts, goals) success probabilities, and means of the failures' nonzero progress."""
 
     def effects() -> Floats:
-        start = OF_START**0.5 * random.standard_normal((studies, STARTS, 1))
-        return np.asarray(start + (1 - OF_START) ** 0.5 * random.standard_normal((studies, STARTS, GOALS)))
+        start = OF_START**0.5 * random.standard_normal((studies, starts, 1))
+        return np.asarray(start + (1 - OF_START) ** 0.5 * random.standard_normal((studies, starts, GOALS)))
 
     mean, own = logit_for(rate, strength), effects()
     chance = expit(mean + strength * own)
@@ -64,11 +64,13 @@ def chances_and_nearness(
     return chance, expit(NEARNESS * strength * effects())
 
 
-def simulated(random: np.random.Generator, studies: int, arms: Arms, repetitions: int) -> tuple[Floats, Floats, float]:
+def simulated(
+    random: np.random.Generator, studies: int, arms: Arms, repetitions: int, starts: int = STARTS
+) -> tuple[Floats, Floats, float]:
     """Return (2, studies, starts, goals, repetitions) successes and progress, and the true difference in progress."""
     wins, values, means = [], [], []
     for rate, strength in ((arms.first, arms.strength), (arms.second, 0.0 if arms.skewed else arms.strength)):
-        chance, near = chances_and_nearness(random, studies, rate, strength, arms.together)
+        chance, near = chances_and_nearness(random, studies, rate, strength, arms.together, starts)
         near = np.clip(near, 0.02, 0.98)
         won = random.random((*chance.shape, repetitions)) < chance[..., None]
         failed = random.beta(SPREAD * near[..., None], SPREAD * (1 - near[..., None]), won.shape)

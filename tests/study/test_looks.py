@@ -167,21 +167,38 @@ def test_the_first_look_that_can_decide_is_known_beforehand(
     assert earliest_decision(looked(**changes), planned) == earliest
 
 
-def test_a_plan_of_the_version_that_had_only_bets_keeps_its_rule_and_its_words() -> None:
+_BY_POSITION = (
+    "betting confidence sequence with replacement, at every starting position, whose goals and repetitions are one "
+    "value; Holm over all pairs"
+)
+_BY_BLOCK = "betting confidence sequence without replacement, at every block; Holm over all pairs"
+_BETTER = "Arm B is better than arm A on the shared goals: 24 against 4 of 24 cells."
+_MORE_OFTEN = (
+    "Arm B succeeded more often than arm A in this plan's trials: 24 against 4 of 24 cells; whether a model is better "
+    "is not shown: where outcomes vary within a cell, equal models differ by chance."
+)
+
+
+@pytest.mark.parametrize(
+    ("about", "method", "words", "beaten_at", "numbers"),
+    [
+        ("cells-like-these", _BY_POSITION, _BETTER, 8, (0.004013803785088782, 0.257, 0.979)),
+        ("these-cells", _BY_BLOCK, _MORE_OFTEN, 9, (0.0, 0.7916666666666667, 0.8333333333333333)),
+    ],
+)
+def test_a_plan_of_the_version_that_had_only_bets_keeps_its_rule_and_its_words(
+    about: str, method: str, words: str, beaten_at: int, numbers: tuple[float, float, float]
+) -> None:
     path = Path(__file__).parents[1] / "data" / "study_of_bets.yaml"
-    study = parse_study(path.read_text(encoding="utf-8"), str(path))
+    text = path.read_text(encoding="utf-8").replace("about: cells-like-these", f"about: {about}")
+    study = parse_study(text, str(path))
     primary = analyse(study, standing(study, 12, lambda arm, _goal, start: arm == "one" or start % 5 == 0))
     (answer,) = primary.answers
     assert not study.by_looks
-    assert primary.method == (
-        "betting confidence sequence with replacement, at every starting position, whose goals and repetitions are one "
-        "value; Holm over all pairs"
-    )
-    assert (primary.over, dict(primary.dropped)) == ("the primary analysis is decided", {"two": 8})
-    assert (answer.p, answer.low, answer.high) == pytest.approx((0.004013803785088782, 0.257, 0.979))
-    assert conclusion(study, primary, SHOWN, None) == (
-        "Arm B is better than arm A on the shared goals: 24 against 4 of 24 cells."
-    )
+    assert primary.method == method
+    assert (primary.over, dict(primary.dropped)) == ("the primary analysis is decided", {"two": beaten_at})
+    assert (answer.p, answer.low, answer.high) == pytest.approx(numbers)
+    assert conclusion(study, primary, SHOWN, None) == words
 
 
 def test_equal_arms_are_rarely_told_apart() -> None:

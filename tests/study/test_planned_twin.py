@@ -45,7 +45,7 @@ def test_the_primary_rate_is_powered_by_the_twin_or_says_why_not() -> None:
     assert (answer.difference, answer.low, answer.high) == pytest.approx(
         (expected.rate, expected.interval.low, expected.interval.high)
     )
-    assert f"saves {expected.saved:.1f} real cells beside the 16 that were run" in primary.method
+    assert f"saves an estimated {expected.saved:.1f} real cells beside the 16 that were run" in primary.method
     plain = analyse(study, real, {})
     assert plain.method.endswith("has no results in these cells from before the first real trial")
     assert plain.answers[0].high - plain.answers[0].low > answer.high - answer.low

@@ -69,8 +69,8 @@ def design_of_study(study: StudyFile, starts: int, rate: float) -> Design:
 
 
 def simulated_studies(study: StudyFile, starts: int) -> int:
-    """Return the number of simulated studies for each difference: 2,000, or 6,000 with few starting positions."""
-    return SAMPLES * (_MORE if (study.by_looks or study.of_margin) and starts <= _QUICK_STARTS else 1)
+    """Return the number of simulated studies for each difference: 6,000, or 2,000 of many positions or of bets."""
+    return SAMPLES * (_MORE if study.about is None and starts <= _QUICK_STARTS else 1)
 
 
 def planned_power(
@@ -81,11 +81,11 @@ def planned_power(
         return tuple(_looked(study, design, difference) for difference in differences)
     if study.stopping == "decided":
         return tuple(_decided(study, design, difference) for difference in differences)
-    blocks = design.starts * design.cells * design.trials
+    blocks, samples = design.starts * design.cells * design.trials, simulated_studies(study, design.starts)
     return tuple(
         PlannedPower(
             difference,
-            *_shares(difference, *named_models(design, difference, margin=study.margin, samples=SAMPLES)),
+            *_shares(difference, *named_models(design, difference, margin=study.margin, samples=samples)),
             blocks,
             None,
         )

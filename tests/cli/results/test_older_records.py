@@ -11,7 +11,7 @@ from tests.cli.test_record_verbs import vsnbench
 from tests.processes import wait_until
 from tests.web.results_browser.served_record import entered, served
 from vsnbench import open_results
-from vsnbench.results.looks import LOOKS_FILE
+from vsnbench.report.comparison.looks import LOOKS_FILE
 
 RECORD = Path(__file__).parents[2] / "data" / "records" / "0001.sql"
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import Answer, vsnbench, vsnbench_process
+from vsnbench.cli.study import running
 from vsnbench.cli.study.file import open_study
 from vsnbench.errors import RobotError
 from vsnbench.results.schema.migrate import open_record
@@ -335,3 +336,41 @@ def test_a_design_that_can_show_nothing_is_locked_only_by_force(lab: Lab) -> Non
     assert "requires at least 6 starting positions" in refused.err
     assert not Path("results").exists()
     assert lab.other("study", "lock", "--force").code == 0
+
+
+def test_a_planned_twin_is_run_by_the_study_before_the_first_real_trial(lab: Lab) -> None:
+    lab.new("--twin", "6", "--starts", "3-5")
+    assert lab("lock").code == 0
+    refused = lab("run")
+    assert refused.code == 2
+    assert "lacks simulated trials in 10 of 10 cells" in refused.err
+    assert "vsnbench study run --twin study.yaml" in refused.err
+    assert lab("run", "--twin", "--only-next").code == 2
+    twin = lab("run", "--twin")
+    assert (twin.code, lab("run", "--twin").code) == (0, 0)
+    assert "next: vsnbench study run study.yaml" in twin.err
+    assert lab("run").code == 0
+    assert len(lab.outcomes()) == 12, "6 random cells, two arms"
+    method = json.loads(lab("report", "--json").out)["primary"]["method"]
+    assert "prediction-powered by the planned twin" in method
+
+
+def test_a_twin_after_the_first_real_trial_is_refused_in_one_line(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab.new("--twin", "6", "--starts", "3-5")
+    assert lab("lock").code == 0
+    with monkeypatch.context() as earlier_version:
+        earlier_version.setattr(running, "twin_gap", lambda *_: "")
+        begun = lab("run", "--only-next")
+    assert [success for *_, success in lab.outcomes() if success is not None], begun.err
+    for words in (("run",), ("run", "--twin")):
+        refused = lab(*words)
+        assert (refused.code, len(refused.err.strip().splitlines())) == (2, 1)
+        assert "real trials have begun: a twin that is run after the first of them does not count" in refused.err
+
+
+def test_a_study_without_a_twin_has_none_to_run(lab: Lab) -> None:
+    lab.new()
+    assert lab("lock").code == 0
+    refused = lab("run", "--twin")
+    assert (refused.code, len(refused.err.strip().splitlines())) == (2, 1)
+    assert "plans no twin" in refused.err

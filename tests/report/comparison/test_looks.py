@@ -12,9 +12,8 @@ from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.report.checklist import checklist
 from vsnbench.report.comparison.compare import Comparison, compare
-from vsnbench.report.comparison.looks import looks_at, looks_sentences, with_looks
+from vsnbench.report.comparison.looks import LOOKS_FILE, looks_at, looks_sentences, with_looks
 from vsnbench.report.tables.comparison import COMPARISON, comparison_tables
-from vsnbench.results.looks import LOOKS_FILE
 
 
 @pytest.fixture

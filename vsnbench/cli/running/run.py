@@ -163,7 +163,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     if len(models) * len(seeds) * len(sites) == 1:
         provider = OperatorProvider(unattended, page.serve if page else None, driver.serve if driver else None)
         request = request.at(sites[0], first_site)
-        run_and_exit(summary_console(), _run_and_report, request, provider, live=live, as_json=as_json)
+        run_and_exit(summary_console(), run_campaign_and_report, request, provider, live=live, as_json=as_json)
     if page is not None or any(map(is_human, models)):
         what = "--console" if page is not None else "--model human"
         raise UsageError(f"{what} is for one model, site and seed", advice="run each with its own command")
@@ -205,8 +205,17 @@ def _isolation(python: str, results: "ResultsDirectory") -> "Isolation":
     return Isolation(Path(python) if python else isolation_interpreter(), memory_bytes, hidden)
 
 
-def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool) -> int:
+def run_campaign_and_report(
+    request: "RunRequest", provider: "OperatorProvider", *, live: bool, as_json: bool, following: str = ""
+) -> int:
     """Run a campaign and return the exit code: 0 if every trial is done, 1 if some are left.
+
+    Args:
+        request: the campaign.
+        provider: finds the operator.
+        live: show the episodes.
+        as_json: print the summary as JSON.
+        following: the next command once every trial is done; the report if empty.
 
     Raises:
         Stopped: a person or the system asked to stop.
@@ -223,7 +232,7 @@ def _run_and_report(request: "RunRequest", provider: "OperatorProvider", *, live
         done = result.trials - result.left
         summary_console().print(f"{counted(done, 'practice trial')} done, nothing was recorded")
     elif not (as_json and is_quiet()):
-        print_summary(summary_console(), result, request)
+        print_summary(summary_console(), result, request, following)
     if as_json:
         print_json(fields_of(result, request))
     return 1 if result.left or result.elsewhere else 0

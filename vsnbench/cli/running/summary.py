@@ -104,8 +104,8 @@ def fields_of(result: SessionResult, request: RunRequest) -> dict[str, object]:
     }
 
 
-def print_summary(console: Console, result: SessionResult, request: RunRequest) -> None:
-    """Print what is done, what is left and the next command."""
+def print_summary(console: Console, result: SessionResult, request: RunRequest, following: str = "") -> None:
+    """Print what is done, what is left and the next command; `following` replaces the report once nothing is left."""
     trials = result.trials
     if result.stopped_because:
         console.print(f"[red]stopped[/red]: {escape(result.stopped_because)}")
@@ -134,6 +134,8 @@ def print_summary(console: Console, result: SessionResult, request: RunRequest) 
                 f"nothing to do: {all_trials} done. Add goals, --starts or --repetitions, or use another --seed."
             )
     print_awaiting(console, result.awaiting, request.results)
+    if following and not result.left and not result.elsewhere:
+        print_next(console, following)
+        return
     only_void = result.episodes == result.void > 0 and result.left == trials
-    following = "episodes list --outcome void" if only_void else "report"
-    print_next(console, f"{following}{request.results.options}")
+    print_next(console, f"{'episodes list --outcome void' if only_void else 'report'}{request.results.options}")

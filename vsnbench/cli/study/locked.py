@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -40,6 +41,9 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     until: Annotated[
         str, typer.Option("--until", metavar="HH:MM", help="Time of day from which no trial starts (local time).")
     ] = "",
+    twin: Annotated[
+        bool, typer.Option("--twin", help="Run the simulated trials of the planned twin, before the real ones.")
+    ] = False,
     unattended: Unattended = False,
     live: Live = False,
     results: Results = None,
@@ -51,9 +55,12 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
 
     [bold]vsnbench study run study.yaml --until 18:00[/bold]
     """
+    if twin and (only_next or until or console is not None):
+        raise UsageError("--twin runs all simulated trials", advice="leave out --only-next, --until and --console")
+    from vsnbench.cli.running.run import run_campaign_and_report
     from vsnbench.cli.running.summary import run_and_exit, summary_console
     from vsnbench.cli.study.file import open_study
-    from vsnbench.cli.study.running import check_twin, place_of, run_and_report
+    from vsnbench.cli.study.running import place_of, run_and_report, twin_gap
     from vsnbench.runner.operator.provider import OperatorProvider
     from vsnbench.runner.study.source import StudyRequest
 
@@ -61,11 +68,25 @@ def run(  # noqa: PLR0913 - Typer needs a parameter per option
     study = open_study(file, results, db)
     if study.refusal:
         raise StudyError(study.refusal)
+    place = place_of(study)
+    gap = twin_gap(study, place)
+    provider = OperatorProvider(unattended, page.serve if page else None)
+    if twin:
+        run_and_exit(
+            summary_console(),
+            run_campaign_and_report,
+            place.twin(study.results),
+            provider,
+            live=live,
+            as_json=as_json,
+            following=f"study run {quote(str(file))}{study.results.options}",
+        )
+    if gap:
+        advice = f"run them first: vsnbench study run --twin {quote(str(file))}{study.results.options}"
+        raise StudyError(gap, advice=advice, code="twin-missing")
     memory_gib = load_config().study.model_memory_gib
     memory_bytes = None if memory_gib is None else round(memory_gib * 2**30)
-    request = StudyRequest(study.recorded, place_of(study), study.results, only_next, _next_time(until), memory_bytes)
-    check_twin(study, request.place)
-    provider = OperatorProvider(unattended, page.serve if page else None)
+    request = StudyRequest(study.recorded, place, study.results, only_next, _next_time(until), memory_bytes)
     run_and_exit(summary_console(), run_and_report, study.file, request, provider, live=live, as_json=as_json)
 
 

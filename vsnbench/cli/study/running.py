@@ -40,38 +40,30 @@ def place_of(study: OpenedStudy) -> StudyPlace:
     return place
 
 
-def check_twin(study: OpenedStudy, place: StudyPlace) -> None:
-    """Refuse real trials before the planned twin was run in all cells of the study's goals and starting positions.
+def twin_gap(study: OpenedStudy, place: StudyPlace) -> str:
+    """Return what the planned twin lacks; empty if nothing, or if the study plans none.
 
     Raises:
-        StudyError: `twin-missing`, the twin has to be run first; `twin-after-real`, real trials have begun without it.
+        StudyError: real trials have begun without it (`twin-after-real`).
     """
-    plan, recorded = study.plan, study.recorded
+    plan = study.plan
     if plan.real_cells is None or not isinstance(plan.primary, Rate):
-        return
-    arm = plan.primary.arm
+        return ""
     starts = choose_starts(plan.starting_positions, place.site)
     cells = {(goal, start) for goal in plan.goals for start in starts} - set(place.site.excluded)
     with open_record(study.results.database_url) as engine:
-        known = twin_rates(engine, recorded, arm)
-        begun = any(trial.started_at is not None for trial in trials_of(engine, recorded.id))
+        known = twin_rates(engine, study.recorded, plan.primary.arm)
+        begun = any(trial.started_at is not None for trial in trials_of(engine, study.recorded.id))
     if not (missing := len(cells - known.keys())):
-        return
-    name = recorded.shown(arm)
+        return ""
     if begun:
         raise StudyError(
-            f"the twin of {name} has no results in {missing} of {len(cells)} cells from before the first real trial: "
-            "one that was run after it predicts nothing",
+            f"the planned twin lacks {missing} of {len(cells)} cells, and real trials have begun: a twin that is run "
+            "after the first of them does not count",
             advice="lock a new study, and run its twin first",
             code="twin-after-real",
         )
-    words = f"--robot simulated --goal {','.join(plan.goals)}"
-    words += f" --starts {plan.starting_positions}" if plan.starting_positions else ""
-    raise StudyError(
-        f"the twin of {name} has no results in {missing} of {len(cells)} cells",
-        advice=f"run it first: vsnbench run --model MODEL {words}{study.results.options}",
-        code="twin-missing",
-    )
+    return f"the planned twin lacks simulated trials in {missing} of {len(cells)} cells"
 
 
 def run_and_report(file: Path, request: StudyRequest, provider: OperatorProvider, *, live: bool, as_json: bool) -> int:

@@ -28,7 +28,6 @@ from vsnbench.report.comparison.pairing import (
     seeded,
 )
 from vsnbench.report.comparison.power import AttainableP, DesignPower, attainable_p, design_power
-from vsnbench.results.looks import Looks
 from vsnbench.statistics.clustered import Outcomes
 from vsnbench.statistics.conclusion import Conclusion, DifferenceEvidence, conclude
 from vsnbench.statistics.multiple import holm
@@ -40,6 +39,8 @@ from vsnbench.text.sanitize import sanitize
 if TYPE_CHECKING:
     import pandas as pd
 
+Looks = tuple[tuple[int, int], ...]
+"""Episodes of both conditions at each look, in order; the newest is last."""
 ALL, SHARED = "all goals", "shared goals"
 
 FLIPPED = "sign flip of starting positions"

@@ -39,5 +39,6 @@ def twin_words(estimate: Powered | None, twin: Places) -> str:
         return f"; without the planned twin, which {why}"
     return (
         "; prediction-powered by the planned twin (PPI++, clustered by starting position), which has the weight "
-        f"{estimate.tuning:.2f} and saves {estimate.saved:.1f} real cells beside the {estimate.cells} that were run"
+        f"{estimate.tuning:.2f} and saves an estimated {estimate.saved:.1f} real cells beside the {estimate.cells} "
+        "that were run"
     )

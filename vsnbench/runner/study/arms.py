@@ -13,12 +13,15 @@ from vsnbench.models.names import STACK_PREFIX, is_stack, require_no_person, sta
 from vsnbench.models.process_exit import process_exit_refused
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.studies.entries import RecordedStudy
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial
 from vsnbench.robots.contract import Robot
-from vsnbench.robots.registry import open_robot
+from vsnbench.robots.registry import is_simulated, open_robot, profile_of
+from vsnbench.runner.executors.capacity import WorkerOptions
 from vsnbench.runner.setup.execution import needs_person, rules_for
 from vsnbench.runner.setup.launch import check_survey
+from vsnbench.runner.setup.request import RunRequest
 from vsnbench.runner.setup.selection import choose_goals, choose_starts, resolve_goals
 from vsnbench.runner.setup.trial_setup import (
     TrialSetup,
@@ -30,7 +33,7 @@ from vsnbench.runner.setup.trial_setup import (
 )
 from vsnbench.sites.site import Site, embedded_sites, load_site
 from vsnbench.study.design import design_error
-from vsnbench.study.file import StudyFile
+from vsnbench.study.file import Rate, StudyFile
 from vsnbench.study.schedule import Schedule, draw_schedule, schedules_of
 from vsnbench.study.stopping import decide, min_units
 from vsnbench.study.units import Block
@@ -103,11 +106,54 @@ class StudyPlace:
             for name, value in self.study.arms[arm].options.items()
         }
 
+    def setup(self, arm: str) -> TrialSetupSpec:
+        """Return the setup of an arm, with all its goals."""
+        return TrialSetupSpec(
+            site=self.site,
+            model=self.model(arm),
+            goals=self.study.goals_of(arm),
+            robot=self.study.robot,
+            noise=self.study.noise,
+            rehearsal=self.study.rehearse,
+            parameters=self.rules(arm),
+            model_options=self.options(arm),
+            act_timeout_s=self.study.arms[arm].act_timeout,
+        )
+
     def trials(self, arm: str) -> tuple[Trial, ...]:
         """Return an arm's trials in the order of the schedule."""
         return tuple(
             Trial(trial.goal, trial.start, trial.repetition) for trial in self.schedule.trials if trial.arm == arm
         )
+
+    def twin(self, results: ResultsDirectory) -> RunRequest:
+        """Return the request for the planned twin: simulated trials of the primary arm's model in all cells.
+
+        The seed is the one after the study's, which no other campaign may use while the study is blind.
+
+        Raises:
+            StudyError: the study plans no twin (`no-twin`), or its robot cannot be simulated (`no-profile`).
+        """
+        study, robot = self.study, self.study.robot
+        if study.real_cells is None or not isinstance(study.primary, Rate):
+            raise StudyError("this study plans no twin", advice="`vsnbench study new --twin 30` does", code="no-twin")
+        if profile_of(robot) is None:
+            raise StudyError(
+                f"robot {robot} has no profile that can be simulated",
+                advice="run the twin with `vsnbench run --robot simulated:PROFILE`",
+                code="no-profile",
+            )
+        named = robot if is_simulated(robot) else f"simulated:{robot.partition('@')[0]}"
+        setup = replace(self.setup(study.primary.arm), goals=study.goals, robot=named, rehearsal=False)
+        request = RunRequest(
+            setup=setup,
+            results=results,
+            starts=choose_starts(study.starting_positions, self.site),
+            repetitions=study.repetitions,
+            seed=(study.seed + 1) % 2**63,
+            workers=WorkerOptions(None),
+        )
+        return request.at(_site_name(study, self.directory), self.site)
 
     @property
     def shared_blocks(self) -> tuple[Block, ...]:
@@ -138,22 +184,11 @@ class StudyPlace:
             StudyError: the model does not know a goal of the study, or the robot lacks a sensor.
             VsnbenchError: the model cannot be loaded.
         """
-        chosen = self.study.arms[arm]
         try:
-            require_no_person(chosen.model, "study")
+            require_no_person(self.study.arms[arm].model, "study")
         except UsageError as error:
             raise StudyError(f"arm {arm}: {error}") from error
-        spec = TrialSetupSpec(
-            site=self.site,
-            model=self.model(arm),
-            goals=self.study.goals_of(arm),
-            robot=self.study.robot,
-            noise=self.study.noise,
-            rehearsal=self.study.rehearse,
-            parameters=self.rules(arm),
-            model_options=self.options(arm),
-            act_timeout_s=chosen.act_timeout,
-        )
+        spec = self.setup(arm)
         robot.set_execution(spec.parameters.execution)
         policy = load_policy(spec)
         try:
