@@ -326,8 +326,21 @@ class NotThere(MetaPathFinder, Loader):
 def goat():
     """GOAT-Bench's policy and CLIP's networks are their own; habitat-sim and what needs it are not there."""
     drawing = "habitat.utils.visualizations"
-    others = ("numba", "ifcfg", "git", "moviepy", "lmdb", "webdataset", "seaborn", "trimesh", "GPUtil", "tensorboard")
-    sys.meta_path.insert(0, NotThere("habitat_sim", "magnum", "timm", "vc_models", drawing, *others))
+    others = (
+        "numba",
+        "ifcfg",
+        "git",
+        "moviepy",
+        "lmdb",
+        "webdataset",
+        "seaborn",
+        "trimesh",
+        "GPUtil",
+        "torch.utils.tensorboard",
+    )
+    sys.meta_path.insert(0, NotThere("habitat_sim", "magnum", "corrade", "timm", "vc_models", drawing, *others))
+    registration = importlib.import_module("gym.envs.registration")  # of a gym newer than habitat-lab's
+    registration.registry = type("Registry", (dict,), {"env_specs": property(dict)})(registration.registry)
     packaging = importlib.import_module("packaging.version")
     module("pkg_resources", packaging=types.SimpleNamespace(version=packaging))
     for name in ("models", "task", "models.encoders", "obs_transformer", "utils"):
