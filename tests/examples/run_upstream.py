@@ -337,6 +337,7 @@ def goat():
         "trimesh",
         "GPUtil",
         "torch.utils.tensorboard",
+        "habitat_baselines.rl.ver",
     )
     sys.meta_path.insert(0, NotThere("habitat_sim", "magnum", "corrade", "timm", "vc_models", drawing, *others))
     registration = importlib.import_module("gym.envs.registration")  # of a gym newer than habitat-lab's
