@@ -348,6 +348,7 @@ def goat():
         module(f"goat_bench.{name}").__path__ = [str(Path(f"goat_bench/{name.replace('.', '/')}").resolve())]
     utils = importlib.import_module("habitat.core.utils")  # of habitat-lab 0.3.3; upstream's is 0.2.3
     utils.try_cv2_import = lambda: importlib.import_module("cv2")
+    importlib.import_module("habitat_baselines.rl.ppo").Net.recurrent_hidden_size = 512  # asked for by 0.3.3
     clip = importlib.import_module("clip.clip")
     model = importlib.import_module("clip.model")
     sizes = (1024, 224, (3, 4, 6, 3), 64, None, 77, 49408, 512, 8, 12)  # those of RN50
