@@ -3,8 +3,10 @@
     python run_upstream.py navdp CHECKOUTS --port 8888
 
 CHECKOUTS has one directory per repository (NavDP, diffusion_policy, StreamVLN, InternNav, goat-bench). The files of the
-server are copied into the working directory with `cuda:0` replaced by `cpu`; nothing else of them is changed. Where a
-network is too large for a CPU, or its package has no wheel, STAND_INS has a small one with the same calls.
+server are copied into the working directory with `cuda:0` replaced by `cpu`, and with the changes that a lab makes by
+hand (`change_by_hand`). The function of a server puts something small in the place of networks that are too large for a
+CPU and of packages that have no wheel. For `goat` the working directory has the adapter, goat.json and
+vsnbench_policy.py.
 """
 
 import argparse
