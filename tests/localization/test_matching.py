@@ -157,7 +157,7 @@ def test_a_turn_finds_how_far_ahead_the_camera_sits() -> None:
     ahead = CAMERA.model_copy(update={"mount_forward_m": CAMERA.mount_forward_m + 0.10})
     eye = NoisyEye(trial.room, ahead, trial.depth_scale, np.random.default_rng(5))
     around, end = eye.turn(trial.pose, count=6)
-    turn = MATCHER.measure(trial.start, around)
+    turn = MATCHER.measure(trial.start, [replace(look, camera=CAMERA) for look in around])
     assert turn.forward_m == pytest.approx(0.10, abs=0.015)
     assert turn.region_holds(end)
     assert "camera.mount_forward_m" in turn.differs

@@ -2,6 +2,7 @@
 
 import gc
 import multiprocessing
+import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -102,7 +103,8 @@ def build_and_draw(
             if can_fork:  # otherwise the worker is a thread, and matplotlib is not thread-safe
                 places = range(len(plans))
                 in_worker = (*places[:WORKER_TRAJECTORIES], *places[WORKER_TRAJECTORIES + 1 :: 2])
-                waiting.update({place: worker.submit(_finished, plans[place], save) for place in in_worker})
+                for place in in_worker:  # encoded now: the executor does it later, while this thread computes groups
+                    waiting[place] = worker.submit(_finished_encoded, pickle.dumps((plans[place], save)))
             drawn.extend(save(chart) for chart in _charts(uncounted))
 
         report = build(url, selection, results_directory, reference=reference, meanwhile=draw_charts, executor=worker)
@@ -116,6 +118,11 @@ def _finished(plan: _Plan, save: Callable[[Drawing], Drawing]) -> Drawing | None
     """Draw and save a figure; None without tracks."""
     drawing = plan()
     return save(drawing) if drawing else None
+
+
+def _finished_encoded(plan_and_save: bytes) -> Drawing | None:
+    """Draw and save a figure in another process of this command."""
+    return _finished(*pickle.loads(plan_and_save))  # noqa: S301 - `build_and_draw` encoded it
 
 
 def _saved(drawing: Drawing, only: Sequence[str], formats: Sequence[str]) -> Drawing:
