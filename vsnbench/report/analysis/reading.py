@@ -14,6 +14,7 @@ from vsnbench.results.schema.engine import record_errors, to_json
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, StepRow, TrialRow
 from vsnbench.results.writing.entries import SequenceLeg
 from vsnbench.results.writing.lifecycle import EpisodeState
+from vsnbench.sites.scan import survey_sha256
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import IMPORTED
 
@@ -35,6 +36,8 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
         .where(*_campaign_filter(chosen))
         .order_by(CampaignRow.id)
     ).all()
+    scanned = select(SiteRow.sha256, SiteRow.content).where(SiteRow.content["scan"]["sha256"].as_string().is_not(None))
+    surveys = {sha256: survey_sha256(content) for sha256, content in connection.execute(scanned)}
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
         # Arms of a blinded study are never pooled, because the other campaign would reveal the model.
@@ -66,6 +69,7 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
                 source={} if first.code else _in_order(first.source),
                 conditions=_in_order(first.conditions),
                 max_linear_m_s=first.max_linear_m_s or None,
+                survey_sha256=surveys.get(first.site_sha256, ""),
                 blind=bool(first.code),
             )
         )
