@@ -1,11 +1,12 @@
-"""Saves docs/figures/report-*.png: the figures of a report, and its page.
+"""Saves docs/figures/report-*.png: the figures of a report; of another, its page and the trajectories of random.
 
-usage: python scripts/report_figures.py RESULTS   (from the top of the checkout)
+usage: python scripts/report_figures.py RESULTS SMALL   (from the top of the checkout)
 
-The results are those of these two commands, with --keep none:
+RESULTS are those of the first two commands, with --keep none, and SMALL those of the third:
 
     vsnbench run --model vlv,random --seed 0-1 --goal all
     vsnbench run --model forward,pirlnav --goal all
+    vsnbench run --model pirlnav,random --goal chair
 """
 
 import subprocess
@@ -37,19 +38,26 @@ def save_small(picture: Path, name: str) -> None:
     small.save(FIGURES / f"report-{name}.png", optimize=True)
 
 
-def main(results: str) -> None:
+def write(results: str, output: Path, *words: str) -> Path:
+    """Write a report into a directory, and return that of its figures."""
+    command = [sys.executable, "-m", "vsnbench", "report", "--results", results, "--output", str(output), "--quiet"]
+    subprocess.run([*command, *words], check=True)
+    return output / "figures"
+
+
+def main(results: str, small: str) -> None:
     """Write the figures and a screenshot of the page."""
     with tempfile.TemporaryDirectory() as folder:
-        output = Path(folder, "report")
-        words = ["report", "--results", results, "--reference", "paper", "--output", str(output), "--quiet"]
-        subprocess.run([sys.executable, "-m", "vsnbench", *words], check=True)
+        figures = write(results, Path(folder, "report"), "--reference", "paper")
         for figure, name in NAMES.items():
-            save_small(output / "figures" / f"{figure}.png", name)
+            save_small(figures / f"{figure}.png", name)
+        figures = write(small, Path(folder, "small"))
+        save_small(figures / "trajectories-2.png", "trajectories-random")
         page_png = Path(folder, "page.png")
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=("--no-sandbox",))
             page = browser.new_page(viewport={"width": 1280, "height": 1500})
-            page.goto((output / "report.html").as_uri())
+            page.goto((figures.parent / "report.html").as_uri())
             page.wait_for_load_state("networkidle")
             page.screenshot(path=str(page_png))
             browser.close()

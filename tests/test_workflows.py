@@ -36,6 +36,17 @@ def test_a_workflow_reads_only_unless_a_guarded_job_publishes(path: Path) -> Non
         assert name != "publish" or re.search(r"vars\.PUBLISH_\w+ == 'true'", job["if"])
 
 
+def test_a_pushed_tag_is_published_without_a_stored_token_after_its_archives_were_tried() -> None:
+    workflow = read(ROOT / ".github" / "workflows" / "wheels.yml")
+    publish = workflow["jobs"]["publish"]
+    assert workflow["on"]["push"]["tags"] == ["v*"]
+    assert publish["if"].startswith("startsWith(github.ref, 'refs/tags/v')")
+    assert (publish["needs"], workflow["jobs"]["smoke"]["needs"]) == ("smoke", "build")
+    assert publish["permissions"] == {"id-token": "write"}
+    (upload,) = [step for step in publish["steps"] if "pypi-publish" in step["uses"]]
+    assert "with" not in upload, "no password"
+
+
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
 def test_make_targets_and_vsnbench_commands_of_a_workflow_exist(path: Path) -> None:
     targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
@@ -46,10 +57,12 @@ def test_make_targets_and_vsnbench_commands_of_a_workflow_exist(path: Path) -> N
             understand(shlex.split(command[1]))
 
 
-def test_both_lanes_run_and_the_wheel_is_tried_on_every_supported_python() -> None:
+def test_both_lanes_run_and_both_archives_are_tried_on_every_supported_python() -> None:
     lines = scripts(ROOT / ".github" / "workflows" / "ci.yml")
     assert {"make check-fast", "make test"} <= set(lines)
-    tried = read(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["smoke"]["strategy"]["matrix"]["python"]
+    matrix = read(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["smoke"]["strategy"]["matrix"]
+    assert matrix["archive"] == ["dist/*.whl", "dist/*.tar.gz"]
+    tried = matrix["python"]
     classifiers = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["classifiers"]
     versions = {match[1] for text in classifiers if (match := re.fullmatch(r"Programming .* :: (3\.\d+)", text))}
     assert versions <= set(tried)

@@ -160,7 +160,7 @@ def test_the_commands_of_readme_succeed_in_order_with_the_policy_that_it_shows(
     (tmp_path / "spinner.py").write_text(re.sub(r"^ {4}", "", block, flags=re.MULTILINE) + "\n")
     shell = Shell(tmp_path, machine)
     for command in OF_README:
-        if "--web" in command:
+        if "--web" in command or command == "vsnbench browse":
             shell.types_and_visits(f"{command} --port 0", 0)
         else:
             assert shell.types(command + FEW if command.startswith("vsnbench run") else command).strip()

@@ -1,11 +1,9 @@
-"""The reference pages cover what the program prints: options, disturbances, table headings."""
+"""The reference pages cover what the program prints: disturbances, table headings."""
 
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from tests.docs.json_records import write_rich_record
@@ -35,13 +33,6 @@ def test_every_disturbance_is_documented_with_its_unit_and_severities() -> None:
 def glossary(section: str) -> str:
     text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
     return text.split(f"\n## {section}\n")[1].split("\n## ")[0]
-
-
-def test_every_option_of_run_is_in_the_glossary() -> None:
-    command: Any = typer.main.get_command(build_app("run"))
-    command = getattr(command, "commands", {"run": command})["run"]
-    options = {name for parameter in command.params for name in parameter.opts if name.startswith("--")}
-    assert options - {"--help"} - set(re.findall(r"`(--[a-z-]+)`", glossary("Options of vsnbench run"))) == set()
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ def test_outcomes_are_told_apart(lab: Lab) -> None:
     report, figures = drawn(lab)
     tracks = read_tracks(lab.engine(), report.record, report.record.conditions[0])
     assert [outcome(track) for track in tracks] == [name for _, _, name in ends]
-    assert {"chair 1/4", "success", "collision"} <= set(texts(figures["trajectories-1"]))
+    assert {"start 1 1/1", "start 3 0/1", "success", "collision"} <= set(texts(figures["trajectories-1"]))
     assert "no success from: 2, 3, 4" in texts(figures["success-map"])
 
 
@@ -167,6 +167,25 @@ def test_trajectories_and_cells_say_what_their_marks_are(lab: Lab) -> None:
     _, figures = drawn(lab)
     assert "STOP succeeds within" in texts(figures["trajectories-1"])
     assert "half of them" in texts(figures["success-by-cell"])
+
+
+def test_trajectories_of_a_weak_model_have_a_plan_per_start_and_of_others_one_per_goal(lab: Lab) -> None:
+    for model, successes in (("weak", 1), ("even", 2)):
+        lab.write(
+            [
+                Attempt(goal, start, success=start <= successes, steps=[step(1, Action.STOP)])
+                for goal in ("chair", "bed")
+                for start in range(1, 5)
+            ],
+            model=model,
+        )
+    _, figures = drawn(lab)
+    weak, even = figures["trajectories-1"], figures["trajectories-2"]
+    assert [text for text in texts(weak) if text.startswith("start ")] == [
+        *("start 1 2/2", "start 2 0/2", "start 3 0/2", "start 4 0/2"),
+    ]
+    assert "STOP succeeds within" not in texts(weak), "the goals differ"
+    assert {"bed 2/4", "chair 2/4"} <= set(texts(even))
 
 
 def test_a_figure_names_the_interval_that_it_draws(lab: Lab) -> None:

@@ -11,6 +11,7 @@ import pytest
 from tests.cli.test_record_verbs import vsnbench
 from vsnbench import palette
 from vsnbench.palette import rgb
+from vsnbench.viewer.video.canvas import PAPER
 
 SUCCESS, FAILURE = rgb(palette.SUCCESS), rgb(palette.FAILURE)
 
@@ -59,8 +60,11 @@ def test_an_episode_is_a_frame_per_action_and_two_seconds_of_its_verdict(results
     assert close(shown[-1][715, 5], SUCCESS)
     assert not close(shown[-9][715, 5], SUCCESS)
     moved = np.abs(shown[3].astype(int) - shown[0]).mean(axis=2) > 40
-    assert moved[60:640, :820].any(), "the camera's image changes"
-    assert moved[40:340, 850:].any(), "the robot moves on the plan"
+    assert moved[60:640, :900].any(), "the camera's image changes"
+    assert moved[40:330, 910:].any(), "the robot moves on the plan"
+    assert not any(close(pixel, PAPER) for pixel in shown[0][700, 5:900:50]), "the camera fills the height"
+    curve = shown[-9][440:620, 915:1270].astype(int)
+    assert (curve[..., 2] - curve[..., 0] > 60).any(), "the distance until then, below plan and action"
 
 
 def test_a_pair_has_one_time_axis_and_the_shorter_one_keeps_its_verdict(results: Path) -> None:
@@ -69,10 +73,10 @@ def test_a_pair_has_one_time_axis_and_the_shorter_one_keeps_its_verdict(results:
     assert shown[0].shape == (480, 854, 3)
     assert len(shown) == max(actions(results, 1), actions(results, 3)) + 2 * 4
     first_end = actions(results, 3)
-    assert close(shown[first_end][475, 440], FAILURE)
-    assert not close(shown[first_end][475, 5], SUCCESS)
-    assert close(shown[-1][475, 5], SUCCESS)
-    assert close(shown[-1][475, 440], FAILURE)
+    assert close(shown[first_end][335, 440], FAILURE)
+    assert not close(shown[first_end][335, 5], SUCCESS)
+    assert close(shown[-1][335, 5], SUCCESS)
+    assert close(shown[-1][335, 440], FAILURE)
 
 
 def test_a_montage_and_failures_are_chosen_by_options(results: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -98,14 +98,12 @@ class Codes:
 class EpisodeColumns:
     """Some episodes of a record: an attribute is a column of `COLUMNS`, as an array with one entry per episode.
 
-    Texts are `Codes`; times and directories are as the database gives them. A column is read when it is asked for, so
-    that many groups of the same episodes take little memory.
+    Texts are `Codes`; times are as in the database. A column is read when asked for: many groups take little memory.
     """
 
     __slots__ = ("_columns", "_frame", "_rows")
 
     def __init__(self, columns: Mapping[str, Any], rows: Integers) -> None:
-        """Take rows of columns."""
         self._columns, self._rows = columns, rows
         self._frame: pd.DataFrame | None = None
 

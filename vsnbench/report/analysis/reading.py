@@ -14,7 +14,6 @@ from vsnbench.results.schema.engine import record_errors, to_json
 from vsnbench.results.schema.tables import CampaignRow, EpisodeRow, ModelRow, RobotRow, SiteRow, StepRow, TrialRow
 from vsnbench.results.writing.entries import SequenceLeg
 from vsnbench.results.writing.lifecycle import EpisodeState
-from vsnbench.sites.scan import survey_sha256
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import IMPORTED
 
@@ -36,8 +35,7 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
         .where(*_campaign_filter(chosen))
         .order_by(CampaignRow.id)
     ).all()
-    scanned = select(SiteRow.sha256, SiteRow.content).where(SiteRow.content["scan"]["sha256"].as_string().is_not(None))
-    surveys = {sha256: survey_sha256(content) for sha256, content in connection.execute(scanned)}
+    surveys = _surveys(connection)
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
         # Arms of a blinded study are never pooled, because the other campaign would reveal the model.
@@ -74,6 +72,17 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
             )
         )
     return name_apart(conditions), condition_of
+
+
+def _surveys(connection: Connection) -> dict[str, str]:
+    """Return the hash of each site that has a scan, with that of the same site without it."""
+    has_scan = SiteRow.content["scan"]["sha256"].as_string().is_not(None)
+    scanned = connection.execute(select(SiteRow.sha256, SiteRow.content).where(has_scan)).all()
+    if not scanned:
+        return {}
+    from vsnbench.sites.scan import survey_sha256
+
+    return {sha256: survey_sha256(content) for sha256, content in scanned}
 
 
 def _in_order(settings: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.report.analysis.conditions import Condition, footnotes
 from vsnbench.report.analysis.episodes_frame import ReportData, goal_order
 from vsnbench.report.analysis.reading import read_courses
-from vsnbench.report.analysis.summary import ConditionSummary
+from vsnbench.report.analysis.summary import ConditionSummary, Group
 from vsnbench.report.figures.style import INK, Drawing, column_in, in_pages, new_figure, page_in, panel_axes, styled
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
 from vsnbench.report.figures.text_layout import width_in as letters_in
@@ -41,6 +41,11 @@ _LIMITS = {reason.value: reason.value.replace("_", " ") for reason in EndReason 
 
 MAX_MAPS = 6
 """Maps per figure."""
+WEAK_RATE = 0.5
+"""Success rate under which trajectories have a plan per start."""
+MAX_STARTS = 30
+"""Maximum number of starts with a plan each."""
+_START_COLUMNS = 5
 _TITLE_PT = 7.0
 _SHARE_PT = 5.5
 _DISK_M = 0.27
@@ -87,38 +92,69 @@ def read_tracks(engine: Engine, record: ReportData, condition: Condition, max_pe
 def trajectory_plan(
     site: Site, summary: ConditionSummary, tracks: Sequence[Track], left_out: str = ""
 ) -> Drawing | None:
-    """Draw one plan per goal with its tracks, by outcome; None without tracks."""
-    goals = sorted({track.goal for track in tracks}, key=goal_order)
-    if not goals:
+    """Draw plans with tracks by outcome; None without tracks.
+
+    There is one plan per goal; for a model that mostly fails, whose tracks would cover each other, one per start.
+    """
+    if not tracks:
         return None
-    columns = min(3, len(goals))
-    lines = -(-len(goals) // columns)
+    by_start = _is_weak(summary) and 1 < len({track.start for track in tracks}) <= MAX_STARTS
+    panels = _panels_by_start(summary, tracks) if by_start else _panels_by_goal(summary, tracks)
+    columns = min(_START_COLUMNS if by_start else 3, len(panels))
+    lines = -(-len(panels) // columns)
     width = column_in() if columns == 1 else page_in()
+    has_region = any(goal for _, goal, _ in panels)
     with styled():
         title = wrapped(summary.condition.name, width - 0.4, 7.5)
         height = lines * width / columns * plan_shape(site) + 0.25 * lines + 0.13 * len(title.split("\n"))
         figure = new_figure(width, height)
-        for axes, goal in zip(panel_axes(figure, len(goals), columns), goals, strict=True):
+        for axes, (label, goal, mine) in zip(panel_axes(figure, len(panels), columns), panels, strict=True):
             bare_plan(site, axes, goal, summary.condition)
-            mine = [track for track in tracks if track.goal == goal]
             _draw_tracks(axes, mine)
-            whole = next((group for group in summary.goals if group.goal == goal), None)
-            sample = f", {len(mine)} drawn" if whole and len(mine) < whole.episodes else ""
-            rate = f"{whole.successes}/{whole.episodes}" if whole else ""
-            axes.set_title(wrapped(f"{goal} {rate}{sample}", width / columns - 0.15, _TITLE_PT), pad=2)
-        legend_below(figure, *_legend_samples())
+            axes.set_title(wrapped(label, width / columns - 0.15, _TITLE_PT), pad=2)
+        legend_below(figure, *_legend_samples(tracks, with_region=has_region))
         figure.suptitle(title, fontsize=7.5, color=INK)
-    name = shown(summary.condition.name)
+    name, each = shown(summary.condition.name), "starting position" if by_start else "goal"
+    instances = ", with the goal's instances in colour" if has_region else ""
     return Drawing(
         f"trajectories-{summary.condition.number}",
         f"Trajectories of {name}",
-        f"Floor plans with the trajectories of {name}, one plan per goal, by outcome.",
-        "Trajectories, one plan per goal, with the goal's instances in colour; the numbers are successes of episodes. "
-        "STOP succeeds within the green outline."
-        f"{left_out}",
+        f"Floor plans with the trajectories of {name}, one plan per {each}, by outcome.",
+        f"Trajectories, one plan per {each}{instances}; the numbers are successes of episodes."
+        f"{' STOP succeeds within the green outline.' if has_region else ''}{left_out}",
         footnotes([summary.condition]),
         figure,
     )
+
+
+_Panel = tuple[str, str | None, Sequence[Track]]
+"""Title, the goal to highlight, and tracks."""
+
+
+def _is_weak(summary: ConditionSummary) -> bool:
+    return summary.total.episodes > 0 and summary.total.success_rate < WEAK_RATE
+
+
+def _panels_by_goal(summary: ConditionSummary, tracks: Sequence[Track]) -> list[_Panel]:
+    goals = sorted({track.goal for track in tracks}, key=goal_order)
+    known = {group.goal: group for group in summary.goals}
+    return [_panel(goal, goal, known.get(goal), [track for track in tracks if track.goal == goal]) for goal in goals]
+
+
+def _panels_by_start(summary: ConditionSummary, tracks: Sequence[Track]) -> list[_Panel]:
+    goals = {track.goal for track in tracks}
+    goal = goals.pop() if len(goals) == 1 else None
+    known = {group.start: group for group in summary.starts}
+    return [
+        _panel(f"start {start}", goal, known.get(start), [track for track in tracks if track.start == start])
+        for start in sorted({track.start for track in tracks})
+    ]
+
+
+def _panel(name: str, goal: str | None, group: Group | None, tracks: Sequence[Track]) -> _Panel:
+    rate = f" {group.successes}/{group.episodes}" if group else ""
+    sample = f", {len(tracks)} drawn" if group and len(tracks) < group.episodes else ""
+    return f"{name}{rate}{sample}", goal, tracks
 
 
 def success_maps(plans: Sequence[tuple[Site, ConditionSummary]]) -> Iterator[Drawing]:
@@ -245,16 +281,22 @@ def _draw_tracks(axes: "Axes", tracks: Sequence[Track]) -> None:
     axes.add_artist(Line2D(*zip(*starts, strict=True), linestyle="", marker="o", markersize=1.6, color=INK, zorder=11))
 
 
-def _legend_samples() -> "tuple[list[Line2D], list[str]]":
-    """Return a sample line of each outcome and its label."""
+def _legend_samples(tracks: Sequence[Track], *, with_region: bool) -> "tuple[list[Line2D], list[str]]":
+    """Return a sample line of each outcome of the tracks and its label."""
     from matplotlib.lines import Line2D
 
+    present = {outcome(track) for track in tracks}
+    styles = {name: style for name, style in _OUTCOME_STYLES.items() if name in present}
     samples = [
         Line2D([], [], color=color, linestyle=dashes, marker=marker, markersize=3, linewidth=0.9)
-        for color, dashes, marker in _OUTCOME_STYLES.values()
+        for color, dashes, marker in styles.values()
     ]
-    start = Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none")
-    return [*samples, start, success_outline([], [])], [*_OUTCOME_STYLES, "start", "STOP succeeds within"]
+    samples.append(Line2D([], [], color=INK, marker="o", markersize=2, linestyle="none"))
+    labels = [*styles, "start"]
+    if with_region:
+        samples.append(success_outline([], []))
+        labels.append("STOP succeeds within")
+    return samples, labels
 
 
 def bare_plan(site: Site, axes: "Axes", goal: str | None, condition: Condition) -> None:

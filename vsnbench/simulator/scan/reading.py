@@ -63,21 +63,21 @@ def read_scan(path: Path, metres_per_unit: float = 1.0) -> ScanMesh:
         metres_per_unit: scale, for the surfaces of splats.
 
     Raises:
-        SiteError: the file cannot be read (`unreadable-file`), is too large (`scan-too-large`), is not a mesh that can
-            be read (`invalid-scan`), or lacks a texture (`scan-texture`).
+        SiteError: the file cannot be read (`unreadable-file`), is too large (`scan-too-large`), is neither a mesh
+            nor splats that can be read (`invalid-scan`), or lacks a texture (`scan-texture`).
     """
     if path.suffix.lower() not in _UP:
         kinds = "export it as .glb, .obj, .ply or .spz"
         raise SiteError(f"cannot read the scan {path}", advice=kinds, code="invalid-scan")
-    data = _bytes_of(path, MOST_BYTES, "scan")
     kind = path.suffix.lower()[1:]
+    if kind in ("glb", "obj"):
+        _check_packages()
+    data = _bytes_of(path, MOST_BYTES, "scan")
     files: dict[str, bytes] = {}
     try:
         if (splats := _splats_in(data, kind)) is not None:
             return surfaces(splats, VOXEL_M / metres_per_unit)
-        if importlib.util.find_spec("trimesh") is None or importlib.util.find_spec("PIL") is None:
-            add = f"run: {command_to_add('scan')}"
-            raise SiteError("reading meshes of scans needs trimesh", advice=add, code="missing-package")
+        _check_packages()
         if kind == "glb":
             triangles = check_glb(data)
         elif kind == "ply":
@@ -97,6 +97,12 @@ def read_scan(path: Path, metres_per_unit: float = 1.0) -> ScanMesh:
         reason = (str(problem).splitlines() or [""])[0][:200]
         advice = "" if "export" in reason else "export it again as .glb or .ply"
         raise SiteError(f"cannot read the scan {path}: {reason}", advice=advice, code="invalid-scan") from problem
+
+
+def _check_packages() -> None:
+    if importlib.util.find_spec("trimesh") is None or importlib.util.find_spec("PIL") is None:
+        add = f"run: {command_to_add('scan')}"
+        raise SiteError("reading meshes of scans needs trimesh", advice=add, code="missing-package")
 
 
 def _bytes_of(path: Path, most: int, what: str) -> bytes:

@@ -1,5 +1,6 @@
 """Draws text and pictures into a video frame; every position and size is in pixels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -50,6 +51,11 @@ class FrameCanvas:
         """Fill a rectangle."""
         right, bottom = area.left + area.width - 1, area.top + area.height - 1
         self._draw.rectangle((area.left, area.top, right, bottom), fill=rgb)
+
+    def line(self, points: Sequence[tuple[float, float]], rgb: Rgb, width: int) -> None:
+        """Draw a line through points (x, y); nothing through fewer than two."""
+        if len(points) > 1:
+            self._draw.line(points, fill=rgb, width=width, joint="curve")
 
     def paste(self, picture: Image, area: Area) -> None:
         """Paste an image in the middle of an area, as large as it fits."""

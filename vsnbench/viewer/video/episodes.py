@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from vsnbench.errors import UsageError
@@ -64,9 +65,14 @@ def write_video(
     return write_mp4(drawn(), path, chosen.actions_per_s)
 
 
+def _seen(width: int, height: int, count: int, columns: int) -> float:
+    """Return the width of an image of 4:3 in a grid with this number of columns, pixels."""
+    return min(width / columns, height / math.ceil(count / columns) * 4 / 3)
+
+
 def _panels(replays: Sequence[EpisodeReplay], width: int, height: int) -> list[EpisodePanel]:
     count, text = len(replays), max(11, round(height / 40))
-    columns = count if count <= 2 else math.ceil(math.sqrt(count))
+    columns = count if count <= 2 else max(range(1, count + 1), key=partial(_seen, width, height, count))
     cell = width // columns, height // math.ceil(count / columns)
     if count <= 2:
         style, margin = PanelStyle(text if count == 1 else round(text * 0.8)), 0

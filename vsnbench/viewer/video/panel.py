@@ -1,14 +1,17 @@
-"""The part of a frame that shows one episode: camera, floor plan, action, and at the end the verdict."""
+"""The part of a frame that shows one episode: camera, floor plan, distance, action, and at the end the verdict."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from vsnbench.errors import UsageError
 from vsnbench.palette import FAILURE, SUCCESS, VOID, rgb
+from vsnbench.protocol.judge import GoalDistance, distance_to_goal
 from vsnbench.results.files.episode_entries import StepEntry
+from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted
 from vsnbench.values.encoding.images import decode_picture
 from vsnbench.values.movement import movement_text
@@ -21,7 +24,12 @@ from vsnbench.viewer.video.plan import PATH_RGB, PlanPicture
 SUCCESS_RGB, FAILURE_RGB, VOID_RGB = rgb(SUCCESS), rgb(FAILURE), rgb(VOID)
 BAR_RGB: Rgb = (170, 190, 220)
 _MISSING_RGB: Rgb = (60, 60, 64)
+_LIMIT_RGB: Rgb = (190, 190, 186)
 _BARS = 6
+_LEAST_SCORE = 0.005
+"""Lower scores would be 0.00."""
+_CAMERA_SHARE = 0.72
+"""Maximum share of a panel's longer side that the camera takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +39,7 @@ class PanelStyle:
     text: int
     """Height of normal text."""
     details: bool = True
-    """Show the plan, the action and the model's scores; otherwise only the camera and the result."""
+    """Show the plan, the distance, the action and the model's scores; otherwise only the camera and the result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,34 +95,57 @@ class EpisodePanel:
         roles = sorted({role for shot in self._shots for role in shot.cameras}) if style.details else []
         self._camera = _Camera([shot.jpeg for shot in self._shots])
         self._further = {role: _Camera([shot.cameras.get(role) for shot in self._shots]) for role in roles}
-        title, line = round(style.text * 2.2), round(style.text * 1.7)
+        title, self._line = round(style.text * 2.2), round(style.text * 1.7)
         self._title = Area(area.left + style.text, area.top, area.width - 2 * style.text, title)
         body = Area(area.left, area.top + title, area.width, area.height - title)
-        self._line = line
-        self._banner = Area(body.left, body.top + body.height - 2 * line, body.width, 2 * line)
-        if not style.details:
-            self._picture = Area(body.left, body.top, body.width, body.height - line)
-            self._banner = Area(body.left, body.top + body.height - line, body.width, line)
-            return
-        if body.width > body.height:
-            seen = Area(body.left, body.top, round(body.width * 0.65), body.height - 2 * line)
-            side = Area(body.left + seen.width, body.top, body.width - seen.width, seen.height)
-            plan = Area(side.left, side.top, side.width, side.height // 2)
-            words = Area(side.left, side.top + plan.height, side.width, side.height - plan.height)
+        if style.details:
+            self._arrange(body)
         else:
-            seen = Area(body.left, body.top, body.width, round(body.width * 0.75))
-            left = body.height - seen.height - 2 * line
-            plan = Area(body.left, body.top + seen.height, body.width // 2, left)
-            words = Area(body.left + plan.width, plan.top, body.width - plan.width, left)
+            self._picture = body
+        seen, lines = self._picture, 2 if style.details else 1
         strip = round(seen.height * 0.3) if roles else 0
-        self._picture = Area(seen.left, seen.top, seen.width, seen.height - strip)
-        self._strip = Area(seen.left, seen.top + self._picture.height, seen.width, strip)
-        self._plan_area = plan.inset(style.text // 2)
-        self._words = words.inset(style.text // 2)
-        header = replay.header
-        self._plan = PlanPicture(
-            header.site, header.goal, self._plan_area.width, self._plan_area.height, header.robot_radius_m
+        self._strip = Area(seen.left, seen.top + seen.height - strip, seen.width, strip)
+        self._picture = seen = replace(seen, height=seen.height - strip)
+        self._banner = Area(seen.left, seen.top + seen.height - lines * self._line, seen.width, lines * self._line)
+
+    def _arrange(self, body: Area) -> None:
+        """Place the camera, and plan and words beside it; below it where the panel is higher than wide."""
+        header, margin, shape = self._replay.header, self._style.text // 2, self._camera.shape
+        is_wide = body.width > body.height
+        if is_wide:
+            wide = min(round(body.height * shape), round(body.width * _CAMERA_SHARE))
+            self._picture = Area(body.left, body.top, wide, min(body.height, round(wide / shape)))
+            rest = Area(body.left + wide, body.top, body.width - wide, body.height).inset(margin)
+        else:
+            high = min(round(body.width / shape), round(body.height * _CAMERA_SHARE))
+            self._picture = Area(body.left, body.top, body.width, high)
+            rest = Area(body.left, body.top + high, body.width, body.height - high).inset(margin)
+        room = (rest.width, rest.height // 2) if is_wide else (rest.width // 2, rest.height)
+        self._plan = PlanPicture(header.site, header.goal, *room, header.robot_radius_m)
+        wide, high = self._plan.size
+        self._plan_area = Area(rest.left, rest.top, rest.width, high) if is_wide else replace(rest, width=wide)
+        used = high + margin if is_wide else wide + 2 * margin
+        self._words = (
+            Area(rest.left + margin, rest.top + used, rest.width - 2 * margin, rest.height - used)
+            if is_wide
+            else Area(rest.left + used, rest.top, rest.width - used, rest.height)
         )
+        self._distances = [self._distance(pose) for pose in self._path]
+        below = body.height - self._picture.height
+        self._curve = (
+            Area(body.left, body.top + self._picture.height, self._picture.width, below).inset(margin)
+            if is_wide and below > 4 * self._line
+            else None
+        )
+        """Area of the distance curve; None if it is among the words."""
+
+    def _distance(self, pose: Pose) -> GoalDistance | None:
+        """Return the distance to the goal from a pose of the path; None if the site has no such goal."""
+        header = self._replay.header
+        try:
+            return distance_to_goal(header.site, header.goal, replace(header.begin, pose=pose), header.parameters)
+        except ValueError:
+            return None
 
     @property
     def frames(self) -> int:
@@ -133,17 +164,12 @@ class EpisodePanel:
         canvas.paste(self._camera.picture(place), self._picture)
         if self._style.details:
             self._draw_further(canvas, place)
-            path = self._path[: len(self._path) if is_end else shot.poses]
+            poses = len(self._path) if is_end else shot.poses
             color = self._result()[1] if is_end else PATH_RGB
-            canvas.paste(self._plan.draw(path, color), self._plan_area)
-            self._write_step(canvas, self._steps[number])
+            canvas.paste(self._plan.draw(self._path[:poses], color), self._plan_area)
+            self._write_step(canvas, number, poses)
         if is_end:
             self._write_result(canvas)
-        elif self._style.details:
-            limit = header.parameters.action_limit
-            most = "" if limit is None else f" of at most {limit}"
-            done = self._banner.inset(self._line // 2)
-            canvas.write(f"{'answer' if limit is None else 'action'} {number + 1}{most}", done, self._style.text, FAINT)
 
     def _draw_further(self, canvas: FrameCanvas, place: int) -> None:
         """Draw the images of the further cameras below that of the main one, each over its role."""
@@ -156,26 +182,73 @@ class EpisodePanel:
             words = Area(left + 2, strip.top + height, width - 4, self._line)
             canvas.write(role, words, round(self._style.text * 0.85), FAINT)
 
-    def _write_step(self, canvas: FrameCanvas, entry: StepEntry) -> None:
-        step, words = entry.step, self._words
-        lines = [(_action(entry), INK, True)]
+    def _write_step(self, canvas: FrameCanvas, number: int, poses: int) -> None:
+        """Write the action, the distance and the scores of a step, in the order of the lines."""
+        entry, limit = self._steps[number], self._replay.header.parameters.action_limit
+        step, size = entry.step, self._style.text
+        most = "" if limit is None else f" of at most {limit}"
+        lines: list[tuple[str, Rgb, bool]] = [
+            (_action(entry), INK, True),
+            (f"{'answer' if limit is None else 'action'} {number + 1}{most}", FAINT, False),
+        ]
         if step.blocked:
             lines.append(("blocked by the depth guard", VOID_RGB, False))
         if step.result is not None and step.result.collision is not None:
             lines.append((f"collision: {step.result.collision.touched or 'unknown object'}", FAILURE_RGB, False))
-        for place, (text, color, bold) in enumerate(lines):
-            area = Area(words.left, words.top + place * self._line, words.width, self._line)
-            canvas.write(text, area, self._style.text, color, bold=bold)
-        top = words.top + len(lines) * self._line
-        scores = sorted(entry.decision.diagnostics.probabilities.items(), key=lambda item: -item[1])[:_BARS]
-        for place, (name, score) in enumerate(scores):
-            row = Area(words.left, top + place * self._line, words.width, self._line)
-            if row.top + row.height > words.top + words.height or not 0 <= score <= 1:
+        if here := self._distances[poses - 1]:
+            lines.append(self._distance_line(here))
+        left = self._words
+        for text, color, bold in lines:
+            row, left = self._row(left)
+            if row.height:
+                canvas.write(text, row, size, color, bold=bold)
+        bars = min(_BARS, max(1, left.height // self._line - 3))
+        room = left.height - bars * self._line
+        if self._curve is not None:
+            self._draw_distances(canvas, self._curve, poses)
+        elif room > 2 * self._line:
+            curve = replace(left, height=min(room, 6 * self._line))
+            self._draw_distances(canvas, curve.inset(self._line // 4), poses)
+            left = replace(left, top=left.top + curve.height, height=left.height - curve.height)
+        known = sorted(entry.decision.diagnostics.probabilities.items(), key=lambda item: -item[1])
+        for name, score in known[:bars]:
+            row, left = self._row(left)
+            if not row.height or not _LEAST_SCORE <= score <= 1:
                 break
             bar = Area(row.left, row.top + 2, round(row.width * score), row.height - 4)
             if bar.width > 0:
                 canvas.fill(bar, BAR_RGB)
-            canvas.write(f"{_spoken(name)}  {score:.2f}", row, round(self._style.text * 0.85))
+            canvas.write(f"{_spoken(name)}  {score:.2f}", row, round(size * 0.85))
+
+    def _row(self, left: Area) -> tuple[Area, Area]:
+        """Return the next line of an area and the rest; a line without height where none is left."""
+        high = self._line if left.height >= self._line else 0
+        return replace(left, height=high), replace(left, top=left.top + high, height=left.height - high)
+
+    def _distance_line(self, here: GoalDistance) -> tuple[str, Rgb, bool]:
+        limit_m = self._replay.header.parameters.success_distance_m
+        text = f"{distance_text(here.distance_m, limit_m)} m to the goal"
+        if here.is_under(limit_m):
+            return f"{distance_text(here.distance_m, limit_m)} m: STOP succeeds", SUCCESS_RGB, True
+        return text if here.in_sight else f"{text}, not in sight", INK, False
+
+    def _draw_distances(self, canvas: FrameCanvas, area: Area, poses: int) -> None:
+        """Draw the distance over the whole episode's path until now, and the distance within which STOP succeeds."""
+        if not any(self._distances):
+            return
+        known = [math.nan if found is None else found.distance_m for found in self._distances]
+        limit_m = self._replay.header.parameters.success_distance_m
+        top_m = max([limit_m, *(value for value in known if math.isfinite(value))])
+
+        def at(place: int, distance_m: float) -> tuple[float, float]:
+            across = place / max(1, len(known) - 1)
+            return area.left + across * area.width, area.top + (1 - distance_m / top_m) * area.height
+
+        last = len(known) - 1
+        canvas.line([at(0, limit_m), at(last, limit_m)], _LIMIT_RGB, 1)
+        canvas.line([at(0, 0.0), at(last, 0.0)], FAINT, 1)
+        points = [at(place, value) for place, value in enumerate(known[:poses]) if math.isfinite(value)]
+        canvas.line(points, PATH_RGB, max(2, self._style.text // 6))
 
     def _result(self) -> tuple[str, Rgb]:
         end = self._replay.end
@@ -203,6 +276,12 @@ class _Camera:
         self._files = files
         self._number = -1
         self._shown: Image = np.full((48, 64, 3), _MISSING_RGB, np.uint8)
+
+    @property
+    def shape(self) -> float:
+        """Width of the first image divided by its height."""
+        high, wide = self.picture(0).shape[:2]
+        return float(wide / high)
 
     def picture(self, number: int) -> Image:
         """Return the image of a frame, (H, W, 3) RGB."""

@@ -21,6 +21,11 @@ class PlanPicture:
         self._pixels_per_m = self._base.shape[1] / picture.shape[1] / PLAN_PIXEL_M
         self._robot_radius_m = robot_radius_m
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+        return self._base.shape[1], self._base.shape[0]
+
     def draw(self, path: list[Pose], color: Rgb = PATH_RGB) -> Image:
         """Return the plan with a path in the site's frame, at least one pose, and the robot in a colour at its end."""
         import cv2
