@@ -1,6 +1,6 @@
 """Simulates studies that are analysed at a few looks by sign flips: errors, coverage, power, mean number of positions.
 
-    python benchmarks/group_sequential.py                   2,000 studies a line: an hour on one core
+    python benchmarks/group_sequential.py                   2,000 studies a line: minutes on one core
     python benchmarks/group_sequential.py --studies 200     fewer studies, for a quick check
     python benchmarks/group_sequential.py --only equivalence --write
 
