@@ -38,7 +38,7 @@ class Player {
 
   // Pictures of the further cameras, by role.
   furtherCameras() {
-    return this.views.size ? make("div", { class: "views" }, ...[...this.views.values()].map(({ image, caption }) => make("figure", {}, image, caption))) : "";
+    return this.views.size ? make("div", { class: "views" }, ...[...this.views.values()].map(({ image, caption }) => make("figure", {}, caption, image))) : "";
   }
 
   // Where the episode ended, and what it took.
