@@ -329,7 +329,7 @@ def tables(studies: int) -> dict[str, Table]:
     """Return the header of each table and the jobs for its lines."""
     equal = itertools.product((15, 8), (False, True), (1.0, 2.5), (0.1, 0.3, 0.5, 0.7, 0.9))
     different = itertools.product((15, 8), REPETITIONS, (1.0, 2.5), (0.2, 0.3))
-    beside = itertools.product((15,), (1, 5, 2), (1.0, 2.5), (0.3, 0.0, 0.2))
+    beside = itertools.product((15,), (1, 5), (1.0, 2.5), (0.0, 0.2, 0.3))
     several = [(3, 15, rate, 2.5) for rate in (0.5, 0.1, 0.9)] + [(5, 15, 0.5, 2.5), (3, 8, 0.5, 2.5)]
     several += [(5, 15, rate, 2.5) for rate in (0.1, 0.9)]
     # Of 23 designs that were tried, the ones with the most errors, and six others.

@@ -1,16 +1,18 @@
 """Measures the processor time to draw a scan: RGB, depth and labels at 640 x 480, on one thread.
 
 The surfaces of the embedded apartment are cut into the given number of textured triangles, with noise of 3 mm; every
-second surface is seen from behind. Prints the median and the slowest of 15 starting positions, the preparation of the
-scan, and the memory that it takes. `--digest` prints a hash of all pixels, which is the same on every machine.
+second surface is seen from behind. Splats are as wide as triangles. Prints the median and the slowest of 15 starting
+positions, the preparation of the scan, and the memory that it takes. `--digest` prints a hash of all pixels, which is
+the same on every machine.
 
-    python benchmarks/scan_raster.py [--triangles 50000 500000] [--repeats 5] [--digest]
+    python benchmarks/scan_raster.py [--triangles 50000 500000] [--splats 300000] [--repeats 5] [--digest]
 """
 
 import argparse
 import hashlib
 import statistics
 import time
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -19,6 +21,7 @@ from vsnbench.simulator.rendering.mesh import build_mesh
 from vsnbench.simulator.rendering.renderer import camera_axes, eye_of
 from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
 from vsnbench.simulator.rendering.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.splats import Splats
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, load_site
 from vsnbench.values.camera import Camera
@@ -58,6 +61,18 @@ def cut(site: Site, triangles: int) -> ScanMesh:
     )
 
 
+def as_splats(mesh: ScanMesh) -> ScanMesh:
+    """Return the same scan with a flat splat on each triangle."""
+    corners = mesh.corners.astype(np.float64)
+    middles = corners.mean(axis=1)
+    off = corners - middles[:, None]
+    spread = np.einsum("tki,tkj->tij", off, off).reshape(-1, 9)[:, [0, 1, 2, 4, 5, 8]] * 0.6
+    paint = np.random.default_rng(1).integers(0, 256, (len(corners), 4))
+    paint[:, 3] = 242
+    splats = Splats(middles.astype(np.float32), spread.astype(np.float32), paint.astype(np.uint8))
+    return replace(mesh, splats=splats)
+
+
 def counts(corners: np.ndarray, cell_m: float) -> np.ndarray:
     sides = [np.linalg.norm(corners[:, k] - corners[:, (k + 1) % 4], axis=1) for k in range(4)]
     pairs = np.stack([np.maximum(sides[0], sides[2]), np.maximum(sides[1], sides[3])], axis=1)
@@ -67,14 +82,16 @@ def counts(corners: np.ndarray, cell_m: float) -> np.ndarray:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--triangles", type=int, nargs="+", default=[50_000, 500_000])
+    parser.add_argument("--splats", type=int, nargs="*", default=[])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--digest", action="store_true")
     options = parser.parse_args()
     site = load_site("apartment")
     rgb, depth = np.empty((480, 640, 3), np.uint8), np.empty((480, 640), np.float32)
     instance = np.empty((480, 640), np.int32)
-    for triangles in options.triangles:
-        mesh = cut(site, triangles)
+    cases = [*((number, False) for number in options.triangles), *((number, True) for number in options.splats)]
+    for triangles, splats in cases:
+        mesh = as_splats(cut(site, triangles)) if splats else cut(site, triangles)
         memory = psutil.Process().memory_info().rss
         began = time.process_time()
         drawer = ScanDrawer(mesh)
@@ -101,7 +118,8 @@ def main() -> None:
                 parts[name].append(min(times))
             pixels.update(rgb.tobytes() + depth.tobytes() + instance.tobytes())
         said = ", ".join(f"{name} {statistics.median(ms):.1f} ({max(ms):.1f})" for name, ms in parts.items())
-        print(f"{len(mesh.faces):,} triangles: {said} ms; prepared in {prepared_s:.2f} s, {grown:.0f} MiB")
+        count = f"{len(mesh.faces):,} {'splats' if splats else 'triangles'}"
+        print(f"{count}: {said} ms; prepared in {prepared_s:.2f} s, {grown:.0f} MiB")
         if options.digest:
             print(f"  pixels {pixels.hexdigest()[:16]}")
 

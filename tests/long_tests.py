@@ -83,6 +83,9 @@ LONG = {
     "web/site_editor/test_goals.py::test_goals_of_every_kind_are_drawn": (
         "web/site_editor/test_goals.py::test_goals_are_edited_with_keys_undone_and_checked_where_they_stand"
     ),
+    "web/site_editor/test_goals.py::test_a_way_is_drawn_with_keys_on_a_narrow_screen": (
+        "web/site_editor/test_goals.py::test_points_are_placed_sequences_ordered_and_routes_photographed_along_a_way"
+    ),
     "web/site_editor/test_editor.py::test_a_tablet_scales_an_image_draws_by_touch_and_pinches": (
         "web/site_editor/test_editor.py::test_a_wall_is_drawn_moved_undone_and_saved_by_keyboard"
     ),
@@ -646,6 +649,7 @@ LONG = {
         "ros/ros1/test_exchange.py, models/stack/test_topics.py, ros/ros2/test_stack.py",
         "test_two_goals_are_announced_driven_and_judged",
     ),
+    "robots/test_ros1_cameras.py": "ros/ros2/test_cameras.py",
     "robots/test_ros1_stack_trials.py": "ros/ros1/test_exchange.py, models/stack, ros/ros2/test_stack.py",
     **_of(
         "robots/test_ros1_camera_faults.py",

@@ -33,6 +33,8 @@ def n_score(
     signs, run = np.zeros(studies, np.int8), np.full(studies, units)
     for unit in range(units):
         left = np.flatnonzero(signs == 0)
+        if not len(left):
+            break
         states, state = np.unique(counts[:, left].swapaxes(0, 1).reshape(len(left), -1), axis=0, return_inverse=True)
         shares = _shares(states.reshape(-1, 2, bins).swapaxes(0, 1), scores)[:, state.ravel()]
         apart = first[left, unit] - second[left, unit]

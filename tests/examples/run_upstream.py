@@ -3,8 +3,10 @@
     python run_upstream.py navdp CHECKOUTS --port 8888
 
 CHECKOUTS has one directory per repository (NavDP, diffusion_policy, StreamVLN, InternNav, goat-bench). The files of the
-server are copied into the working directory with `cuda:0` replaced by `cpu`; nothing else of them is changed. Where a
-network is too large for a CPU, or its package has no wheel, STAND_INS has a small one with the same calls.
+server are copied into the working directory with `cuda:0` replaced by `cpu`, and with the changes that a lab makes by
+hand (`change_by_hand`). The function of a server puts something small in the place of networks that are too large for a
+CPU and of packages that have no wheel. For `goat` the working directory has the adapter, goat.json and
+vsnbench_policy.py.
 """
 
 import argparse
@@ -337,6 +339,7 @@ def goat():
         "trimesh",
         "GPUtil",
         "torch.utils.tensorboard",
+        "habitat_baselines.rl.ver",
     )
     sys.meta_path.insert(0, NotThere("habitat_sim", "magnum", "corrade", "timm", "vc_models", drawing, *others))
     registration = importlib.import_module("gym.envs.registration")  # of a gym newer than habitat-lab's
@@ -345,6 +348,9 @@ def goat():
     module("pkg_resources", packaging=types.SimpleNamespace(version=packaging))
     for name in ("models", "task", "models.encoders", "obs_transformer", "utils"):
         module(f"goat_bench.{name}").__path__ = [str(Path(f"goat_bench/{name.replace('.', '/')}").resolve())]
+    utils = importlib.import_module("habitat.core.utils")  # of habitat-lab 0.3.3; upstream's is 0.2.3
+    utils.try_cv2_import = lambda: importlib.import_module("cv2")
+    importlib.import_module("habitat_baselines.rl.ppo").Net.recurrent_hidden_size = 512  # asked for by 0.3.3
     clip = importlib.import_module("clip.clip")
     model = importlib.import_module("clip.model")
     sizes = (1024, 224, (3, 4, 6, 3), 64, None, 77, 49408, 512, 8, 12)  # those of RN50

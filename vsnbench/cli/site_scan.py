@@ -11,7 +11,7 @@ from vsnbench.text.sanitize import counted
 
 
 def scan(
-    scan_file: Annotated[Path, typer.Argument(metavar="FILE", help="Scan: .glb, .obj with textures, or .ply.")],
+    scan_file: Annotated[Path, typer.Argument(metavar="FILE", help="Scan: .glb, .obj with textures, .ply or .spz.")],
     site_file: Annotated[Path, typer.Argument(metavar="SITE", help="Path of the new site file (.yaml).")],
     length: Annotated[
         str,
@@ -20,17 +20,25 @@ def scan(
     unit: Annotated[str, typer.Option("--unit", help="Unit of the scan: m, cm, mm, in or ft.")] = "m",
     up: Annotated[
         str,
-        typer.Option("--up", show_default="y; z for .ply", help="Axis of the scan that points up: x to z, -x to -z."),
+        typer.Option(
+            "--up",
+            show_default="y; z for a .ply of triangles, -y for one of splats",
+            help="Axis of the scan that points up: x to z, -x to -z.",
+        ),
     ] = "",
+    mesh: Annotated[
+        Path | None,
+        typer.Option("--mesh", help="Mesh of the same scan, for walls and obstacles, if FILE has splats."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Make a site from a scan: level it, scale it, and propose walls, obstacles and a starting position.
 
     vsnbench sites scan flat.glb my-flat.yaml
     vsnbench sites scan flat.ply my-flat.yaml --length 2.44=2.51
+    vsnbench sites scan flat.spz my-flat.yaml --mesh flat.glb
     """
     from vsnbench.simulator.scan.alignment import LENGTH_UNITS, UP_AXES
-    from vsnbench.simulator.scan.reading import DEFAULT_UP
     from vsnbench.web.site_editor.scan_import import import_scan
 
     if site_file.suffix not in (".yaml", ".yml"):
@@ -41,9 +49,8 @@ def scan(
         raise UsageError(f"unit {unit!r} is not known", advice=f"give one of {', '.join(LENGTH_UNITS)}")
     if up and up not in UP_AXES:
         raise UsageError(f"axis {up!r} is not known", advice=f"give one of {', '.join(UP_AXES)}")
-    axis = up or DEFAULT_UP.get(scan_file.suffix.lower(), "y")
     scale = _metres_per_unit(length) if length else LENGTH_UNITS[unit]
-    site, written = import_scan(scan_file, site_file, axis, scale)
+    site, written = import_scan(scan_file, site_file, up, scale, mesh)
     paths = [site_file, written]
     width_m, height_m = (
         max(point[k] for point in site.rooms[0].polygon) - min(point[k] for point in site.rooms[0].polygon)

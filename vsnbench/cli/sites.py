@@ -280,16 +280,22 @@ def edit(
     underlay: Annotated[
         str, typer.Option("--underlay", help="Background of the plan: map.yaml of a ROS map, or an image.")
     ] = "",
+    scan_file: Annotated[
+        Path | None,
+        typer.Option("--scan", metavar="FILE", help="Scan to start a new site from, in metres; as `sites scan` does."),
+    ] = None,
     robot: Annotated[str, typer.Option("--robot", help="Robot profile for the checks.")] = "turtlebot2",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any free port.")] = 0,
 ) -> None:
     """Edit a site in the browser, with its checks. Comments in the file are kept. Ctrl-C stops the editor.
 
     vsnbench sites edit lab.yaml --underlay map.yaml
+    vsnbench sites edit lab.yaml --scan flat.glb
     """
     from vsnbench.robots.profiles import load_profile
     from vsnbench.sites.site import embedded_sites
     from vsnbench.web.site_editor.editor import MAX_BODY_BYTES, SiteEditor
+    from vsnbench.web.site_editor.scan_import import import_scan
     from vsnbench.web.site_editor.underlay import Underlay
     from vsnbench.web_server.server import WebServer
     from vsnbench.web_server.session_key import SessionKey
@@ -302,6 +308,10 @@ def edit(
     if path.suffix not in (".yaml", ".yml"):
         raise UsageError(f"cannot edit {site_file}", advice="name a file that ends in .yaml")
     background = Underlay.of_file(Path(underlay)) if underlay else None
+    if scan_file is not None:
+        if path.exists():
+            raise UsageError(f"{path} exists", advice="give --scan only for a new site file", code="file-exists")
+        import_scan(scan_file, path)
     editor = SiteEditor(path, load_profile(robot), background)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())

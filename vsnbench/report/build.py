@@ -28,7 +28,7 @@ from vsnbench.report.tables.activity import (
 )
 from vsnbench.report.tables.operators import operator_table, session_table
 from vsnbench.report.tables.second_judgements import second_judgement_tables
-from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
+from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table, twin_goal_table
 from vsnbench.report.tables.success import goal_table, overview_table, start_table
 from vsnbench.results.schema.engine import database_label
 from vsnbench.results.schema.migrate import open_record
@@ -183,7 +183,8 @@ class Report:
     def _sim_vs_real_tables(self, *, long: bool) -> list[ReportTable]:
         """Return the tables that compare simulated and real trials, if both exist."""
         found = sim_real_pairs(self.results)
-        tables = (sim_vs_real_table(found), cell_agreement_table(found) if long else None)
+        by_goal = twin_goal_table(sim_real_pairs(self.results, by_goal=True)) if len(found) > 1 else None
+        tables = (sim_vs_real_table(found), by_goal, cell_agreement_table(found) if long else None)
         return [table for table in tables if table]
 
 

@@ -1,12 +1,17 @@
 """The scan that a site file names: a file of triangles and textures, known by its hash."""
 
+import hashlib
+import json
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from vsnbench.settings.yaml_file import DIRECTORY
 from vsnbench.sites.fields import StrictModel
+
+SCAN_SUFFIX: Final = ".scan.npz"
+"""End of the name of a scan's file, next to its site file."""
 
 
 class SiteScan(StrictModel):
@@ -44,3 +49,13 @@ class SiteScan(StrictModel):
             raise ValueError(f"cannot read {self.file}: it is a link to itself") from problem
         object.__setattr__(self, "path", path)
         return self
+
+
+def content_sha256(content: dict[str, Any]) -> str:
+    """Return the hash of a site's content."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def survey_sha256(content: dict[str, Any]) -> str:
+    """Return the hash of a site's content without its scan: that of the same site with a drawn twin."""
+    return content_sha256({name: value for name, value in content.items() if name != "scan"})

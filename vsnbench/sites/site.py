@@ -5,7 +5,6 @@ from x. The judge measures distances in this description, and the simulator buil
 """
 
 import hashlib
-import json
 import math
 from functools import cached_property
 from pathlib import Path
@@ -31,7 +30,7 @@ from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, GOAL_C
 from vsnbench.sites.fields import Color, Point, Slug, StrictModel, check_outline
 from vsnbench.sites.goals import SiteGoal, check_references
 from vsnbench.sites.length_unit import check_rooms
-from vsnbench.sites.scan import SiteScan
+from vsnbench.sites.scan import SiteScan, content_sha256
 from vsnbench.text.suggestions import closest
 from vsnbench.values.pose import Pose
 
@@ -303,7 +302,7 @@ class Site(StrictModel):
     @cached_property
     def sha256(self) -> str:
         """Hash of the content, independent of comments and formatting of the file."""
-        return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
+        return content_sha256(self.content())
 
 
 def embedded_sites() -> dict[str, Path]:

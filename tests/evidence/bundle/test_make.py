@@ -202,6 +202,26 @@ def test_weights_are_added_only_when_asked_for(tmp_path: Path) -> None:
     assert (bundle.directory / f"weights/{sha256[:12]}.ckpt").read_bytes() == b"weights"
 
 
+def test_scans_are_added_only_when_asked_for(tmp_path: Path) -> None:
+    scan = tmp_path / "flat.scan.npz"
+    scan.write_bytes(b"scan")
+    scan.with_name("flat.yaml").write_text("")
+    sha256 = hashlib.sha256(b"scan").hexdigest()
+    record = lab(tmp_path / "results", plan())
+    assert "no site" in refusal(record, tmp_path / "0.zip", "--campaign", "1", "--with-scan")
+    with closing(sqlite3.connect(record / "vsnbench.db")) as database:
+        ((content,),) = database.execute("SELECT content FROM site")
+        database.execute(
+            "UPDATE site SET content = ?", (json.dumps(json.loads(content) | {"scan": {"sha256": sha256}}),)
+        )
+        database.execute("UPDATE process SET command = ?", (f"vsnbench run --site {tmp_path}/flat.yaml",))
+        database.commit()
+    bundle = opened(record, tmp_path / "a", "--campaign", "1", "--with-scan")
+    assert (bundle.directory / f"scans/{sha256[:12]}.scan.npz").read_bytes() == b"scan"
+    scan.write_bytes(b"another")
+    assert sha256 in refusal(record, tmp_path / "b.zip", "--campaign", "1", "--with-scan")
+
+
 def study_record(directory: Path, trials: int, **changes: object) -> None:
     """Write a record with a campaign outside of the study, and a study with some of its 16 trials done."""
     write_copy(directory, _write_study, trials, study_text(**changes))

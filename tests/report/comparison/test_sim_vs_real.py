@@ -9,7 +9,8 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.report.comparison.sim_vs_real import sim_real_pairs
-from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table
+from vsnbench.report.tables.sim_vs_real import cell_agreement_table, sim_vs_real_table, twin_goal_table
+from vsnbench.sites.scan import SiteScan
 
 
 @pytest.fixture
@@ -76,3 +77,35 @@ def test_other_places_share_no_cells(lab: Lab, tmp_path: Path) -> None:
     assert twin.powered is None
     assert cell_agreement_table(sim_real_pairs(summarise(record))) is None
     assert sim_vs_real_table(sim_real_pairs(summarise(record))) is not None
+
+
+def test_scan_and_drawn_twin_are_compared_with_reality_by_goal(tmp_path: Path) -> None:
+    drawn = Lab(tmp_path)
+    scanned = Lab(tmp_path, drawn.site.model_copy(update={"scan": SiteScan(sha256="a" * 64)}))
+    hard, goals = {2, 3, 8, 11, 14}, ("bed", "chair")
+    everything = [(goal, start) for goal in goals for start in range(1, 16)]
+    scanned.write([Attempt(g, s, success=s not in hard) for g, s in everything])
+    drawn.write([Attempt(g, s, success=s % 2 == 0) for g, s in everything])
+    scanned.write([Attempt(g, s, success=s not in hard) for g in goals for s in range(1, 8)], simulated=False)
+    results = summarise(read(drawn.url, Selection()))
+    pairs = sim_real_pairs(results, by_goal=True)
+    assert [pair.pairing is not None for pair in pairs] == [True] * 4  # the survey is the same
+    assert {pair.simulated.name for pair in pairs} == {"vlv in the scan", "vlv in the drawn twin"}
+    assert {pair.real.name for pair in pairs} == {"vlv real"}
+    by_twin = {(pair.goals[0], pair.simulated.twin): pair for pair in pairs}
+    assert by_twin["chair", "the scan"].difference == 0
+    assert by_twin["chair", "the drawn twin"].difference == pytest.approx(5 / 7 - 3 / 7)
+    assert by_twin["chair", "the scan"].powered is not None
+    table = twin_goal_table(pairs)
+    assert table is not None
+    assert [[cell.text for cell in row.cells[:2]] for row in table.rows] == [
+        ["chair", "the drawn twin"],
+        ["chair", "the scan"],
+        ["bed", "the drawn twin"],
+        ["bed", "the scan"],
+    ]
+    without = Lab(tmp_path / "one", drawn.site)
+    without.directory.mkdir()
+    without.write([Attempt("chair", s) for s in range(1, 16)])
+    without.write([Attempt("chair", s) for s in range(1, 4)], simulated=False)
+    assert twin_goal_table(sim_real_pairs(summarise(read(without.url, Selection())), by_goal=True)) is None

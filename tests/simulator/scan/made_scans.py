@@ -4,7 +4,9 @@ A site's surfaces are cut into cells. Views from inside the rooms decide which c
 give their colours.
 """
 
+import gzip
 import math
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,6 +110,76 @@ def write_scan(mesh: ScanMesh, path: Path) -> None:
         visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
         made = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
     made.export(path)
+
+
+def splats_of(mesh: ScanMesh, parts: int = 2, opacity: float = 0.95) -> dict[str, Array]:
+    """Return flat splats on the triangles, `parts` squared on each, as training gives them: logarithms and logits."""
+    corners = mesh.vertices[mesh.faces].astype(float)
+    shares = []
+    for i in range(parts):
+        for j in range(parts - i):
+            shares.append(((i + 1 / 3) / parts, (j + 1 / 3) / parts))
+            if i + j < parts - 1:
+                shares.append(((i + 2 / 3) / parts, (j + 2 / 3) / parts))
+    weights = np.array([(1 - s - t, s, t) for s, t in shares])
+    points = np.einsum("pk,fkc->fpc", weights, corners).reshape(-1, 3)
+    uv = np.einsum("pk,fkc->fpc", weights, mesh.uv.astype(float)).reshape(-1, 2)
+    texture = mesh.texture.repeat(len(shares))
+    colors = np.einsum("pk,fkc->fpc", weights, mesh.colors[mesh.faces].astype(float)).reshape(-1, 3) / 255
+    for number, picture in enumerate(mesh.textures):
+        high, wide = picture.shape[:2]
+        own = texture == number
+        x, y = (np.floor(uv[own, k] % 1 * size).astype(int) for k, size in ((0, wide), (1, high)))
+        colors[own] = picture[y, x] / 255
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(crossed, axis=1)
+    normal = crossed / np.maximum(length, 1e-12)[:, None]
+    width = 0.55 * np.sqrt(length / 2) / parts
+    # The shortest way from z to the normal.
+    turn = np.column_stack([1 + normal[:, 2], -normal[:, 1], normal[:, 0], np.zeros(len(normal))])
+    turn[normal[:, 2] < -0.9999] = (0, 1, 0, 0)
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    scales = np.column_stack([width, width, np.full(len(width), width.mean() / 20)])
+    return {
+        "places": points,
+        "scales": np.log(np.maximum(scales, 1e-6)).repeat(len(shares), axis=0),
+        "turns": turn.repeat(len(shares), axis=0),
+        "colors": (colors - 0.5) / 0.28209479,
+        "opacity": np.full(len(points), math.log(opacity / (1 - opacity))),
+    }
+
+
+def write_splats(splats: dict[str, Array], path: Path, *, version: int = 3) -> None:
+    """Write splats as a .ply of 3D Gaussian splatting, or as an .spz of version 2 or 3."""
+    count = len(splats["places"])
+    if path.suffix == ".ply":
+        names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"]
+        names += ["scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+        head = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
+        head += [*(f"property float {name}" for name in names), "end_header", ""]
+        columns = (splats["places"], np.zeros((count, 3)), splats["colors"], splats["opacity"][:, None])
+        body = np.concatenate([*columns, splats["scales"], splats["turns"]], axis=1)
+        path.write_bytes("\n".join(head).encode() + body.astype("<f4").tobytes())
+        return
+    whole = np.rint(splats["places"] * (1 << 12)).astype("<i4").reshape(-1, 1).view(np.uint8)[:, :3]
+    opacity = 255 / (1 + np.exp(-splats["opacity"]))
+    colors = splats["colors"] * 0.15 * 255 + 127.5
+    scales = (splats["scales"] + 10) * 16
+    xyzw = splats["turns"][:, [1, 2, 3, 0]]
+    if version == 2:
+        turns = (xyzw[:, :3] * np.where(xyzw[:, 3:] < 0, -127.5, 127.5) + 127.5).clip(0, 255).round().astype(np.uint8)
+    else:
+        largest = np.abs(xyzw).argmax(axis=1)
+        xyzw = xyzw * np.sign(xyzw[np.arange(count), largest])[:, None]
+        bits = largest.astype(np.uint32)
+        for k in range(4):
+            size = np.rint(np.abs(xyzw[:, k]) * math.sqrt(2) * 511).clip(0, 511).astype(np.uint32)
+            packed = (bits << 10) | ((xyzw[:, k] < 0).astype(np.uint32) << 9) | size
+            bits = np.where(largest == k, bits, packed).astype(np.uint32)
+        turns = bits.astype("<u4").view(np.uint8)
+    parts = [whole, *(np.rint(part).clip(0, 255).astype(np.uint8) for part in (opacity, colors, scales)), turns]
+    head = struct.pack("<IIIBBBB", 0x5053474E, version, count, 0, 12, 0, 0)
+    path.write_bytes(gzip.compress(head + b"".join(part.tobytes() for part in parts), 1))
 
 
 def _app_frame(flaws: Imperfection) -> Array:

@@ -78,7 +78,7 @@ def refused(path: Path) -> SiteError:
             "invalid-scan",
             "promises more",
         ),
-        ("element vertex 9\nproperty float f_dc_0\nend_header\n", "invalid-scan", "Gaussian splats"),
+        ("element vertex 9\nproperty float f_dc_0\nend_header\n", "invalid-scan", "not plain binary"),
         ("element vertex 9\nproperty quad x\nelement face 1\nend_header\n", "invalid-scan", "type 'quad'"),
         ("element vertex -3\nelement face 1\nend_header\n", "invalid-scan", "element vertex -3"),
         (WITHOUT_A_VERTEX, "invalid-scan", "export it again"),
@@ -174,3 +174,27 @@ def test_a_missing_texture_is_named(tmp_path: Path) -> None:
 def test_a_scan_of_an_unknown_kind_names_those_that_are_read(tmp_path: Path) -> None:
     (tmp_path / "room.usdz").write_bytes(b"")
     assert ".glb" in str(refused(tmp_path / "room.usdz"))
+
+
+WRITTEN = Path(__file__).parent / "written"
+"""The room without a table, and splats, as other programs wrote them: pygltflib, plyfile, meshio and gsply."""
+
+
+@pytest.mark.parametrize("name", ["pygltflib.glb", "plyfile.ply", "meshio.ply"])
+def test_meshes_of_other_writers_are_read(name: str) -> None:
+    mesh = read_scan(WRITTEN / name)
+    assert len(mesh.faces) == 12
+    assert mesh.vertices.max(axis=0).tolist() == ([4.0, 2.5, 3.0] if name.endswith("glb") else [4.0, 3.0, 2.5])
+    if name.endswith("ply"):
+        assert mesh.colors.tolist() == [[200, 50, 50]] * 8
+
+
+@pytest.mark.parametrize("name", ["gsply.ply", "gsply.spz"])
+def test_splats_of_another_writer_are_read(name: str) -> None:
+    splats = read_scan(WRITTEN / name).splats
+    assert splats is not None
+    assert len(splats.centres) == 24
+    # A turn by 120 degrees about (1, 1, 1) takes x, y, z to y, z, x.
+    assert np.sqrt(splats.spreads[:, [0, 3, 5]]) == pytest.approx(np.tile([0.01, 0.05, 0.1], (24, 1)), rel=0.04)
+    assert splats.paint[:, 3].tolist() == pytest.approx([243] * 24, abs=1)
+    assert splats.paint[:, :3].ravel().tolist() == pytest.approx([163] * 72, abs=2)

@@ -76,6 +76,7 @@ def test_a_preview_is_a_jpeg(browser: Browser) -> None:
         ("/check", {"site": {"walls": [3]}}, 400),
         ("/preview", {"site": {}, "x_m": "a", "y_m": 1, "heading_deg": 0}, 400),
         ("/preview", {"site": {}, "x_m": 1, "y_m": 1, "heading_deg": 0}, 409),
+        ("/scan-view", {"site": {}, "x_m": 1, "y_m": 1, "heading_deg": 0}, 409),
         ("/underlay", {"image": "*"}, 400),
         ("/underlay", {"image": base64.b64encode(b"no picture").decode()}, 409),
     ],

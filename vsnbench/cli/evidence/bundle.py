@@ -37,6 +37,9 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
     with_weights: Annotated[
         bool, typer.Option("--with-weights", help="Add the models' weights; otherwise only their hashes.")
     ] = False,
+    with_scan: Annotated[
+        bool, typer.Option("--with-scan", help="Add the scans of the sites; otherwise only their hashes.")
+    ] = False,
     key: Annotated[
         Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this SSH key, as `ssh-keygen` makes it.")
     ] = None,
@@ -68,7 +71,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         raise UsageError("give either --study or --campaign", advice="`vsnbench db status` lists the campaigns")
     place = results_directory(results, db)
     select, note = _selection(study, numbers, place)
-    request = BundleRequest(select, load_config().bundle, note, not without, with_weights, key)
+    request = BundleRequest(select, load_config().bundle, note, not without, with_weights, with_scan, key)
     with ProgressBars() as progress:
         done = make_bundle(place, request, file, progress.show)
     if as_json:

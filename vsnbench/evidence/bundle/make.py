@@ -21,7 +21,7 @@ from vsnbench.evidence.bundle.record_cut import cut_record
 from vsnbench.evidence.bundle.selection import BundleSelection
 from vsnbench.evidence.bundle.signatures import sign
 from vsnbench.evidence.bundle.stored_zip import StoredFile, StoredZipWriter
-from vsnbench.evidence.bundle.weights import find_weights_by_hash
+from vsnbench.evidence.bundle.weights import find_scans_by_hash, find_weights_by_hash
 from vsnbench.files.atomic import atomic_file
 from vsnbench.files.temporary import ScratchDirectory
 from vsnbench.results.database_url import sqlite_url
@@ -57,6 +57,7 @@ class BundleRequest:
     """Lock note of the study, if there is one."""
     with_images: bool = True
     with_weights: bool = False
+    with_scan: bool = False
     key: Path | None = None
     """SSH key that signs the manifest."""
 
@@ -136,12 +137,13 @@ class _Bundle:
         tables = {}
         content = self._stage / "content"
         for path in sorted(path for path in content.rglob("*") if path.is_file()):
-            added = self._add_file(path.relative_to(content).as_posix(), path)
+            stored = self._add_file(path.relative_to(content).as_posix(), path)
             if path.parent.name == TABLES:
-                tables[path.stem] = added
-        if request.with_weights:
-            for name, path in find_weights_by_hash(self._connection).items():
-                self._add_file(name, path.resolve())
+                tables[path.stem] = stored
+        added = find_weights_by_hash(self._connection) if request.with_weights else {}
+        added |= find_scans_by_hash(self._connection) if request.with_scan else {}
+        for name, path in added.items():
+            self._add_file(name, path.resolve())
         self._add_bytes(CROISSANT, croissant(about, tables).encode())
         for done, (number, directory) in enumerate(episodes, start=1):
             progress("copying images", done, len(episodes))

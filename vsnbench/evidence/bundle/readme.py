@@ -40,6 +40,7 @@ _CONTENT = """\
 | `conditions/` | each site, robot and model as recorded |
 | `study/` | plan of the study, as locked or last amended |
 | `environment.json` | the commands that ran the episodes, and their packages |
+| `scans/`, `weights/` | scans of sites and weights of models, if they were added |
 | `results/` | the record: a results directory of vsnbench |
 | `manifest-sha256.txt` | SHA-256 of every file; signatures are made of this file |
 

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, Engine, Row, select
 
 from vsnbench.errors import RecordError
+from vsnbench.evidence.bundle.weights import SCANS
 from vsnbench.protocol.disturbances import DISTURBANCES, Disturbance, Disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.database_url import sqlite_url
@@ -31,6 +32,7 @@ from vsnbench.results.schema.tables import (
 )
 from vsnbench.results.writing.judging import RETRACTED
 from vsnbench.results.writing.steps import step_of_row
+from vsnbench.sites.scan import SCAN_SUFFIX
 from vsnbench.sites.site import Site as SurveyedSite
 from vsnbench.values.robot_identity import REHEARSAL_KEY, SIMULATED
 from vsnbench.values.robot_profile import RobotProfile
@@ -125,6 +127,10 @@ class VerifiedRecord:
         ).one()
         content = with_goals(self.connection, row.content, [campaign_id])
         site, profile = _parsed(SurveyedSite, content), _parsed(RobotProfile, row.profile)
+        if site is not None and site.scan is not None:
+            file = self.results.parent / SCANS / f"{site.scan.sha256[:12]}{SCAN_SUFFIX}"
+            if file.is_file():  # its hash is compared when it is read
+                site = site.model_copy(update={"scan": site.scan.model_copy(update={"path": file})})
         return RecordedCondition(campaign_id, row, site, profile, ProtocolParameters.from_record(row.protocol))
 
     def steps(self, episode_id: int) -> list[StepRecord]:

@@ -86,6 +86,8 @@ def _obstacle(episode: Row[Any], condition: RecordedCondition) -> str:
         return "ended without a result"
     if condition.site is None or condition.profile is None:
         return "its site or robot is not known"
+    if condition.site.scan is not None and condition.site.scan.path is None:
+        return "drawn from a scan that is not there (bundle --with-scan)"
     if condition.row.conditions.get("simulator") != simulator_version():
         return f"recorded with another simulator than {simulator_version()}"
     if condition.disturbances and condition.row.conditions.get(EDITION) != CURRENT_EDITION:

@@ -69,6 +69,8 @@ class Condition:
     """From the paper instead of the record."""
     max_linear_m_s: float | None = None
     """Greatest speed of the recorded robot's base; None if unknown."""
+    survey_sha256: str = ""
+    """Hash of the site without its scan; empty for a site without one."""
     blind: bool = False
     """Arm of a blinded study: the model is a code, and identifying data are missing."""
 
@@ -76,6 +78,16 @@ class Condition:
     def environment(self) -> str:
         """`simulated` or `real`."""
         return "simulated" if self.simulated else "real"
+
+    @property
+    def places_sha256(self) -> str:
+        """Hash of what goals and starting positions depend on: the site without its scan."""
+        return self.survey_sha256 or self.site_sha256
+
+    @property
+    def twin(self) -> str:
+        """What a simulated robot saw: `the scan` or `the drawn twin`; empty for a real one."""
+        return ("the scan" if self.survey_sha256 else "the drawn twin") if self.simulated else ""
 
     @property
     def noisy(self) -> bool:
@@ -151,6 +163,7 @@ class Condition:
         parts = [
             f"{self.robot_title or self.robot}, {self.environment}",
             f"site {self.site}",
+            f"images of {self.twin}" if self.simulated and self.survey_sha256 else "",
             f"protocol {self.protocol_name}" if self.protocol_name not in ("", PAPER_PROTOCOL) else "",
             text_of_execution(self.protocol) if self.execution != STOP_AND_GO else "",
             f"at most {self.max_actions} actions" if self.max_actions else "",
@@ -242,6 +255,7 @@ def _facets(condition: Condition) -> Iterator[tuple[str, str]]:
     yield "environment", condition.environment
     yield "robot", f"on {condition.robot}"
     yield "site", f"in {condition.site}"
+    yield "twin", f"in {condition.twin}" if condition.twin else condition.environment
     yield "site content", f"in {condition.site} {condition.site_sha256[:8]}"
     yield "noise", "with noise" if condition.noisy else "without noise"
     yield "disturbances", f"with {condition.disturbed}" if condition.disturbed else "undisturbed"

@@ -35,6 +35,7 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
         .where(*_campaign_filter(chosen))
         .order_by(CampaignRow.id)
     ).all()
+    surveys = _surveys(connection)
     groups: dict[tuple[object, ...], list[Any]] = {}
     for row in rows:
         # Arms of a blinded study are never pooled, because the other campaign would reveal the model.
@@ -66,10 +67,22 @@ def read_conditions(connection: Connection, chosen: Selection) -> tuple[tuple[Co
                 source={} if first.code else _in_order(first.source),
                 conditions=_in_order(first.conditions),
                 max_linear_m_s=first.max_linear_m_s or None,
+                survey_sha256=surveys.get(first.site_sha256, ""),
                 blind=bool(first.code),
             )
         )
     return name_apart(conditions), condition_of
+
+
+def _surveys(connection: Connection) -> dict[str, str]:
+    """Return the hash of each site that has a scan, with that of the same site without it."""
+    has_scan = SiteRow.content["scan"]["sha256"].as_string().is_not(None)
+    scanned = connection.execute(select(SiteRow.sha256, SiteRow.content).where(has_scan)).all()
+    if not scanned:
+        return {}
+    from vsnbench.sites.scan import survey_sha256
+
+    return {sha256: survey_sha256(content) for sha256, content in scanned}
 
 
 def _in_order(settings: Mapping[str, Any] | None) -> dict[str, Any]:

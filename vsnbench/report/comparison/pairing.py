@@ -46,8 +46,8 @@ class Pairing:
 
 
 def same_places(first: Condition, second: Condition) -> bool:
-    """Whether both conditions use the same site and so the same starting positions."""
-    return bool(first.site_sha256) and first.site_sha256 == second.site_sha256
+    """Whether both conditions use the same site, seen in its scan or not, and so the same starting positions."""
+    return bool(first.places_sha256) and first.places_sha256 == second.places_sha256
 
 
 def pair(first: ConditionSummary, second: ConditionSummary, goals: "Collection[str]") -> Pairing | None:

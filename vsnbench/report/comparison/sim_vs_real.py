@@ -60,14 +60,16 @@ class SimRealPair:
         return rank_correlation(real.tolist(), simulated.tolist(), clusters.tolist())
 
 
-def sim_real_pairs(results: ReportResults) -> tuple[SimRealPair, ...]:
-    """Return every model that has both real and simulated results, on the shared goals."""
-    return tuple(
-        found
-        for real in results.conditions
-        for simulated in results.conditions
-        if _one_model(real.condition, simulated.condition) and (found := _pair_of(real, simulated))
-    )
+def sim_real_pairs(results: ReportResults, *, by_goal: bool = False) -> tuple[SimRealPair, ...]:
+    """Return every model that has both real and simulated results, on the shared goals, or on one at a time."""
+    found = []
+    for real in results.conditions:
+        for simulated in results.conditions:
+            if _one_model(real.condition, simulated.condition):
+                shared = sorted(set(real.own_goals) & set(simulated.own_goals), key=goal_order)
+                groups = [(goal,) for goal in shared] if by_goal else [tuple(shared)]
+                found += [_pair_of(real, simulated, goals) for goals in groups if goals]
+    return tuple(found)
 
 
 def _one_model(real: Condition, simulated: Condition) -> bool:
@@ -78,11 +80,7 @@ def _one_model(real: Condition, simulated: Condition) -> bool:
     )
 
 
-def _pair_of(real: ConditionSummary, simulated: ConditionSummary) -> SimRealPair | None:
-    shared = set(real.own_goals) & set(simulated.own_goals)
-    if not shared:
-        return None
-    goals = tuple(sorted(shared, key=goal_order))
+def _pair_of(real: ConditionSummary, simulated: ConditionSummary, goals: tuple[str, ...]) -> SimRealPair:
     return SimRealPair(
         real=real.condition,
         simulated=simulated.condition,

@@ -5,6 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from vsnbench.report.analysis.conditions import footnotes
+from vsnbench.report.analysis.episodes_frame import goal_order
+from vsnbench.report.comparison.pairing import same_places
 from vsnbench.report.comparison.sim_vs_real import SimRealPair
 from vsnbench.report.measures import (
     COUNT,
@@ -20,7 +22,7 @@ from vsnbench.report.measures import (
     percents,
     rates,
 )
-from vsnbench.report.table import EMPTY, Column, ReportTable, Row, decimal, row, without_empty_columns
+from vsnbench.report.table import EMPTY, Column, ReportTable, Row, TableCell, decimal, row, without_empty_columns
 from vsnbench.report.wording import listed
 from vsnbench.statistics.agreement import Agreement, RankCorrelation
 from vsnbench.statistics.bootstrap import MIN_CLUSTERS
@@ -148,6 +150,36 @@ def sim_vs_real_table(found: Sequence[SimRealPair]) -> ReportTable | None:
     return without_empty_columns(table)
 
 
+_BY_GOAL = Measures(*(measure for measure in SIM_VS_REAL if measure.heading not in ("", "goals", "real", "simulated")))
+
+
+def twin_goal_table(found: Sequence[SimRealPair]) -> ReportTable | None:
+    """Reality, scan and drawn twin of a site by goal; None unless a site has simulated results of both.
+
+    Args:
+        found: real and simulated results on one goal at a time.
+    """
+    twins: dict[str, set[str]] = {}
+    for pair in found:
+        if same_places(pair.real, pair.simulated):
+            twins.setdefault(pair.real.places_sha256, set()).add(pair.simulated.twin)
+    shown = [pair for pair in found if len(twins.get(pair.real.places_sha256, ())) > 1]
+    if not shown:
+        return None
+    shown.sort(key=lambda pair: (pair.real.number, goal_order(pair.goals[0]), pair.simulated.twin))
+    columns = (Column("goal", number=False), Column("twin", number=False), *_BY_GOAL.columns, *POWERED.columns)
+    rows = tuple(
+        row(listed(pair.goals), pair.simulated.twin, *_BY_GOAL.cells(pair), *_powered_cells(pair)) for pair in shown
+    )
+    sides = list({side.number: side for pair in shown for side in (pair.real, pair.simulated)}.values())
+    title = "Real world against scan and drawn twin, by goal"
+    return without_empty_columns(ReportTable("twins", title, columns, rows, (_POWERED, *footnotes(sides))))
+
+
+def _powered_cells(pair: SimRealPair) -> tuple[TableCell, ...]:
+    return POWERED.cells(pair.powered) if pair.powered else (EMPTY,) * len(POWERED.columns)
+
+
 _POWERED = (
     "Prediction-powered inference (PPI++): the simulated rate of the cells without real trials, corrected by the "
     "simulation error in the cells with real trials. Valid only if these cells were drawn at random; convenient "
@@ -169,5 +201,5 @@ def cell_agreement_table(found: Sequence[SimRealPair]) -> ReportTable | None:
 
 
 def _agreement_row(pair: SimRealPair, like: Agreement, ranks: RankCorrelation) -> Row:
-    powered = POWERED.cells(pair.powered) if pair.powered else (EMPTY,) * len(POWERED.columns)
-    return row(pair.real.name, pair.simulated.name, like.cells, *AGREEMENT.cells(like), *RANKS.cells(ranks), *powered)
+    values = (*AGREEMENT.cells(like), *RANKS.cells(ranks), *_powered_cells(pair))
+    return row(pair.real.name, pair.simulated.name, like.cells, *values)

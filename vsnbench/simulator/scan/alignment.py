@@ -78,7 +78,14 @@ def align_scan(mesh: ScanMesh, up: str, metres_per_unit: float) -> tuple[ScanMes
     transformation = np.eye(4)
     transformation[:3, :3], transformation[:3, 3] = rotation * metres_per_unit, shift
     aligned = np.round(placed + shift, 5).astype(np.float32)
-    return ScanMesh(aligned, colors=mesh.colors, textures=mesh.textures, **values), transformation
+    splats = mesh.splats
+    if splats is not None:
+        places = splats.centres * metres_per_unit
+        inside = np.asarray(((places > low - margin_m) & (places < high + margin_m)).all(axis=1))
+        splats = splats.chosen(inside)
+        splats = splats.moved(transformation[:3, :3], shift)
+    scan = ScanMesh(aligned, colors=mesh.colors, textures=mesh.textures, splats=splats, **values)
+    return scan, transformation
 
 
 def _check_size(spread: Floats, up: tuple[int, int, int]) -> None:

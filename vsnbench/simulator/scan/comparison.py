@@ -1,6 +1,9 @@
 """Compares a site's scan with its survey: walls, what stands on the floor, and what the survey lacks."""
 
 import math
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -8,7 +11,7 @@ import numpy.typing as npt
 import shapely
 
 from vsnbench.simulator.rendering.scan.mesh import load_scan
-from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, occupied_points, points_on, surface_offsets
+from vsnbench.simulator.scan.occupancy import BAND_M, CELL_M, facing_points_on, occupied_points
 from vsnbench.site_checks.finding import Severity, SiteFinding, outline, point_text, stretch
 from vsnbench.sites.geometry.walls import solid_shapes, top_m
 from vsnbench.sites.site import Site, Wall
@@ -17,6 +20,11 @@ TOLERANCE_M: Final = 0.05
 """Differences up to this are not reported."""
 _WALL_BAND_M: Final = (0.3, 1.9)
 _REACH_M: Final = 0.25
+_FACES: Final = 0.5
+"""Cosine of the angle up to which a surface faces away from a wall."""
+_LEAST_SEEN: Final = 0.2
+"""Share of a wall's length that a surface must cover to be compared."""
+_END_M, _STRETCH_M, _BIN_M = 0.1, 0.05, 0.01
 _SMALLEST_M2: Final = 0.02
 _MOST: Final = 20
 
@@ -31,21 +39,65 @@ def scan_findings(site: Site) -> list[SiteFinding]:
     """
     if site.scan is None or site.scan.path is None:
         return []
-    samples = points_on(load_scan(site.scan.path, site.scan.sha256))
-    things = shapely.union_all([thing.shape.buffer(0.1) for thing in site.objects])
-    is_thing = shapely.contains_xy(things, samples[:, 0], samples[:, 1]) if site.objects else np.zeros(0, np.bool_)
-    walls = samples[~is_thing] if is_thing.size else samples
-    walls = walls[(walls[:, 2] > _WALL_BAND_M[0]) & (walls[:, 2] < _WALL_BAND_M[1])]
-    found = [finding for index, wall in enumerate(site.walls) if (finding := _of_wall(wall, index, walls))]
+    samples, facing = _samples(site.scan.path, site.scan.sha256)
+    upright = (samples[:, 2] > _WALL_BAND_M[0]) & (samples[:, 2] < _WALL_BAND_M[1])
+    walls, facing = samples[upright, :2], facing[upright]
+    if site.objects:
+        things = shapely.union_all([thing.shape.buffer(0.1) for thing in site.objects])
+        bare = ~shapely.contains_xy(things, walls[:, 0], walls[:, 1])
+        walls, facing = walls[bare], facing[bare]
+    found = [finding for index in range(len(site.walls)) if (finding := _of_wall(site.walls, index, walls, facing))]
     return [*found, *_missing(site, samples), *_unsurveyed(site, samples)]
 
 
-def _of_wall(wall: Wall, index: int, samples: Floats) -> SiteFinding | None:
-    """Return the larger difference of a wall's two sides, if it exceeds the tolerance."""
-    half, worst = wall.thickness_m / 2, 0.0
-    for place_m in surface_offsets(samples, wall.start, wall.end, half + _REACH_M):
-        if place_m is not None and abs(abs(place_m) - half) > abs(worst):
-            worst = abs(place_m) - half
+@lru_cache(maxsize=1)
+def _samples(path: Path, sha256: str) -> tuple[Floats, Floats]:
+    """Return points on a scan's surfaces, and where they face; the editor asks after each change of a site."""
+    return facing_points_on(load_scan(path, sha256))
+
+
+def _of_wall(walls: Sequence[Wall], index: int, points: Floats, facing: Floats) -> SiteFinding | None:
+    """Return the larger difference of a wall's two sides, if it exceeds the tolerance.
+
+    A side of which the scan has no surface is not compared: a scan from inside shows one side of the outer walls.
+    """
+    wall, worst = walls[index], 0.0
+    half = wall.thickness_m / 2
+    low, high = np.minimum(wall.start, wall.end), np.maximum(wall.start, wall.end)
+    near = ((points > low - half - _REACH_M) & (points < high + half + _REACH_M)).all(axis=1)
+    points, facing = points[near], facing[near]
+    others = [other.shape for place, other in enumerate(walls) if place != index]
+    of_others = shapely.union_all(others).buffer(TOLERANCE_M)
+    own = ~shapely.contains_xy(of_others, points[:, 0], points[:, 1])
+    points, facing = points[own] - wall.start, facing[own]
+    along = (np.array(wall.end) - wall.start) / wall.length_m
+    left = np.array([-along[1], along[0]])
+    place, across, way = points @ along, points @ left, facing @ left
+    inside = (place > _END_M) & (place < wall.length_m - _END_M)
+    is_unknown = np.abs(way) + np.abs(facing @ along) < _FACES
+    seen = {
+        side: inside
+        & (np.abs(side * across - half) < _REACH_M)
+        & np.where(is_unknown, side * across > 0, side * way > _FACES)
+        for side in (-1.0, 1.0)
+    }
+    least_m = _LEAST_SEEN * max(wall.length_m - 2 * _END_M, _STRETCH_M)
+    first_m = math.inf  # where the better seen side is, along its own direction
+    for side in sorted(seen, key=lambda side: -_covered_m(place[seen[side]])):
+        off = side * across - half
+        # The other side is behind it: what faces away in front of it is the back of something else.
+        mine = seen[side] & (side * across > -first_m - 2 * _BIN_M)
+        if _covered_m(place[mine]) < least_m:
+            continue
+        at_face = mine & (np.abs(off) <= TOLERANCE_M)
+        if _covered_m(place[at_face]) >= least_m:
+            first_m = half + float(np.median(off[at_face]))
+            continue
+        bins = np.bincount(((off[mine] + _REACH_M) / _BIN_M).astype(int), minlength=3)
+        most_m = (int(np.argmax(np.convolve(bins, np.ones(3), "same"))) + 0.5) * _BIN_M - _REACH_M
+        found_m = float(np.median(off[mine & (np.abs(off - most_m) < 2 * _BIN_M)]))
+        first_m = half + found_m
+        worst = found_m if abs(found_m) > abs(worst) else worst
     if abs(worst) <= TOLERANCE_M:
         return None
     where = "outside" if worst > 0 else "inside"
@@ -59,6 +111,11 @@ def _of_wall(wall: Wall, index: int, samples: Floats) -> SiteFinding | None:
         abs(worst),
         (("walls", index),),
     )
+
+
+def _covered_m(places: Floats) -> float:
+    """Return the length of a wall along which there are points."""
+    return len(np.unique((places / _STRETCH_M).astype(int))) * _STRETCH_M
 
 
 def _missing(site: Site, samples: Floats) -> list[SiteFinding]:

@@ -22,8 +22,20 @@ Floats = npt.NDArray[np.float64]
 
 def points_on(mesh: ScanMesh) -> Floats:
     """Return points (N, 3) on the triangles, at most 2 cm apart, below 4 m; coarser for more than 8 million."""
+    return facing_points_on(mesh)[0]
+
+
+def facing_points_on(mesh: ScanMesh) -> tuple[Floats, Floats]:
+    """Return the same points and where their triangles face on the floor plan, (N, 2) of length 0 to 1.
+
+    Where splats face is unknown: their surfaces face nowhere.
+    """
     corners = mesh.corners.astype(np.float64)
     corners = corners[(corners[..., 2].min(axis=1) < 4.0) & (corners[..., 2].max(axis=1) > -1.0)]
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = crossed[:, :2] / np.maximum(np.sqrt((crossed * crossed).sum(axis=1)), 1e-12)[:, None]
+    if mesh.splats is not None:
+        facing[:] = 0
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.sqrt((sides * sides).sum(axis=2)).max(axis=1)
     counts = np.clip(np.ceil(longest / _STEP_M).astype(int), 1, 2000)
@@ -31,7 +43,7 @@ def points_on(mesh: ScanMesh) -> Floats:
         counts = np.maximum((counts * 0.9 * (_MOST_POINTS / total) ** 0.5).astype(int), 1)
         if counts.max() == 1:
             break
-    points = []
+    points, ways = [np.zeros((0, 3))], [np.zeros((0, 2))]
     for count in np.unique(counts):
         these = corners[counts == count]
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
@@ -40,7 +52,8 @@ def points_on(mesh: ScanMesh) -> Floats:
         weights = np.stack([1 - s - t, s, t])
         made = sum(weights[k][None, :, None] * these[:, k, None, :] for k in range(3))
         points.append(np.asarray(made).reshape(-1, 3))
-    return np.concatenate(points) if points else np.zeros((0, 3))
+        ways.append(facing[counts == count].repeat(inside.sum(), axis=0))
+    return np.concatenate(points), np.concatenate(ways)
 
 
 def occupied_points(samples: Floats, low_m: float, high_m: float) -> Floats:

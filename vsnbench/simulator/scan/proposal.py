@@ -277,7 +277,9 @@ def top_down(mesh: ScanMesh) -> tuple[Bytes, tuple[float, float]]:
     size = np.minimum(size, 6000)
     below = (mesh.vertices[mesh.faces][..., 2] < _CUT_M).all(axis=1)
     kept = below if below.any() else np.ones(len(mesh.faces), np.bool_)
-    cut = ScanMesh(mesh.vertices, mesh.faces[kept], mesh.colors, mesh.texture[kept], mesh.uv[kept], mesh.textures)
+    parts = (mesh.faces[kept], mesh.colors, mesh.texture[kept], mesh.uv[kept], mesh.textures)
+    low_splats = None if mesh.splats is None else mesh.splats.chosen(mesh.splats.centres[:, 2] < _CUT_M)
+    cut = ScanMesh(mesh.vertices, *parts, None if low_splats is None or not len(low_splats.centres) else low_splats)
     height_m = 2000.0
     middle = low + size * PLAN_M / 2
     axes = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])

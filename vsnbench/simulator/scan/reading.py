@@ -1,4 +1,4 @@
-"""Reads GLB, OBJ and PLY files of scanning apps with trimesh; everything is bounded before it is parsed."""
+"""Reads files of scanning apps: meshes with trimesh, and splats; everything is bounded before it is parsed."""
 
 import contextlib
 import importlib.util
@@ -26,9 +26,18 @@ from vsnbench.simulator.rendering.scan.mesh import (
     ScanMesh,
 )
 from vsnbench.simulator.rendering.scan.pixels import fill_holes, mark_triangles
+from vsnbench.simulator.rendering.scan.splats import Splats
 from vsnbench.simulator.scan.glb import check_glb
+from vsnbench.simulator.scan.splat_files import (
+    PLY_TYPES,
+    VOXEL_M,
+    is_splat_header,
+    read_ply_splats,
+    read_spz,
+    surfaces,
+)
 
-DEFAULT_UP: Final = {".glb": "y", ".obj": "y", ".ply": "z"}
+_UP: Final = {".glb": "y", ".obj": "y", ".ply": "z", ".spz": "y"}
 """Axis that points up, by the kind of file."""
 _MOST_IMAGE_BYTES = 100_000_000
 _MOST_MATERIAL_BYTES = 1_000_000
@@ -39,21 +48,36 @@ _DECIMATE = "decimate it in the scanning app, or in MeshLab (Quadric Edge Collap
 _GREY = (160, 160, 160)
 
 
-def read_scan(path: Path) -> ScanMesh:
+def usual_up(path: Path, scan: ScanMesh) -> str:
+    """Return the axis that points up in such files: y, z in a PLY file of triangles, -y in one of splats."""
+    return "-y" if scan.splats is not None and path.suffix.lower() == ".ply" else _UP[path.suffix.lower()]
+
+
+def read_scan(path: Path, metres_per_unit: float = 1.0) -> ScanMesh:
     """Read the file of a scanning app, in its own frame and unit.
 
+    The triangles of splats are squares of `VOXEL_M` where opaque splats are.
+
+    Args:
+        path: the file.
+        metres_per_unit: scale, for the surfaces of splats.
+
     Raises:
-        SiteError: the file cannot be read (`unreadable-file`), is too large (`scan-too-large`), is not a mesh that can
-            be read (`invalid-scan`), or lacks a texture (`scan-texture`).
+        SiteError: the file cannot be read (`unreadable-file`), is too large (`scan-too-large`), is neither a mesh
+            nor splats that can be read (`invalid-scan`), or lacks a texture (`scan-texture`).
     """
-    if path.suffix.lower() not in DEFAULT_UP:
-        raise SiteError(f"cannot read the scan {path}", advice="export it as .glb, .obj or .ply", code="invalid-scan")
-    if importlib.util.find_spec("trimesh") is None or importlib.util.find_spec("PIL") is None:
-        raise SiteError("reading scans needs trimesh", advice=f"run: {command_to_add('scan')}", code="missing-package")
-    data = _bytes_of(path, MOST_BYTES, "scan")
+    if path.suffix.lower() not in _UP:
+        kinds = "export it as .glb, .obj, .ply or .spz"
+        raise SiteError(f"cannot read the scan {path}", advice=kinds, code="invalid-scan")
     kind = path.suffix.lower()[1:]
+    if kind in ("glb", "obj"):
+        _check_packages()
+    data = _bytes_of(path, MOST_BYTES, "scan")
     files: dict[str, bytes] = {}
     try:
+        if (splats := _splats_in(data, kind)) is not None:
+            return surfaces(splats, VOXEL_M / metres_per_unit)
+        _check_packages()
         if kind == "glb":
             triangles = check_glb(data)
         elif kind == "ply":
@@ -71,9 +95,14 @@ def read_scan(path: Path) -> ScanMesh:
         return _joined(_geometries(data, kind, files))
     except ValueError as problem:
         reason = (str(problem).splitlines() or [""])[0][:200]
-        raise SiteError(
-            f"cannot read the scan {path}: {reason}", advice="export it again as .glb or .ply", code="invalid-scan"
-        ) from problem
+        advice = "" if "export" in reason else "export it again as .glb or .ply"
+        raise SiteError(f"cannot read the scan {path}: {reason}", advice=advice, code="invalid-scan") from problem
+
+
+def _check_packages() -> None:
+    if importlib.util.find_spec("trimesh") is None or importlib.util.find_spec("PIL") is None:
+        add = f"run: {command_to_add('scan')}"
+        raise SiteError("reading meshes of scans needs trimesh", advice=add, code="missing-package")
 
 
 def _bytes_of(path: Path, most: int, what: str) -> bytes:
@@ -132,8 +161,15 @@ def _least_obj_triangles(data: bytes) -> int:
     return data.count(b"\nf ")
 
 
-_PLY_BYTES = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2}
-_PLY_BYTES |= {"int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4, "double": 8, "float64": 8}
+def _splats_in(data: bytes, kind: str) -> Splats | None:
+    """Return the splats of a file; None if it has triangles."""
+    if kind == "spz":
+        return read_spz(data)
+    end = data.find(b"end_header", 0, _HEADER_BYTES)
+    if kind != "ply" or not data.startswith(b"ply") or end < 0:
+        return None
+    header = data[:end].decode("ascii", "replace")
+    return read_ply_splats(data, header, end) if is_splat_header(header) else None
 
 
 def _check_ply(data: bytes) -> tuple[int, list[str]]:
@@ -153,9 +189,9 @@ def _check_ply(data: bytes) -> tuple[int, list[str]]:
             row = counts[words[1]] = int(words[2])
         elif words[:1] == ["property"]:
             kind = words[2] if words[1:2] == ["list"] and len(words) > 2 else ([*words, ""])[1]
-            if kind not in _PLY_BYTES:
+            if kind not in PLY_TYPES:
                 raise ValueError(f"its header has the type {kind[:20]!r}")
-            least += row * (2 if is_text else _PLY_BYTES[kind])
+            least += row * (2 if is_text else int(PLY_TYPES[kind][1:]))
         elif [word.lower() for word in words[:2]] == ["comment", "texturefile"]:
             textures.append(" ".join(words[2:]))
     if counts.get("vertex", 0) > 3 * MOST_TRIANGLES:
@@ -165,9 +201,7 @@ def _check_ply(data: bytes) -> tuple[int, list[str]]:
             code="scan-too-large",
         )
     if not counts.get("face"):
-        splat = any("f_dc_0" in line or "opacity" in line for line in lines)
-        what = "Gaussian splats, and no triangles" if splat else "no triangles"
-        raise ValueError(f"it has {what}: export the mesh of the same scan")
+        raise ValueError("it has neither triangles nor splats: export the mesh of the same scan")
     if counts["face"] <= MOST_TRIANGLES and least > len(data) - end:
         raise ValueError("its header promises more than the file has")
     return counts["face"], textures

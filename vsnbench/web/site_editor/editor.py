@@ -17,6 +17,7 @@ from starlette.routing import Route
 
 from vsnbench.errors import SiteError
 from vsnbench.settings.yaml_file import text_faults
+from vsnbench.simulator.scan.comparison import scan_findings
 from vsnbench.site_checks.check import check_site, format_finding
 from vsnbench.sites.categories import CATEGORIES, GOAL_CATEGORIES
 from vsnbench.sites.site import Site, parse_site
@@ -24,7 +25,7 @@ from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
 from vsnbench.web.site_editor.document import SiteDocument, save_document
 from vsnbench.web.site_editor.goal_images import read_goal_image, store_goal_image
-from vsnbench.web.site_editor.preview import CameraPreview
+from vsnbench.web.site_editor.preview import camera_image, scan_image
 from vsnbench.web.site_editor.underlay import Underlay
 from vsnbench.web_server.pages import ERROR_HANDLERS, csrf_token_for, json_body, page_routes, text_field
 
@@ -47,7 +48,6 @@ class SiteEditor:
         self._path, self._profile = path, profile
         self._lock = threading.Lock()
         self._underlay = _initial_underlay(path, underlay)
-        self._preview = CameraPreview(profile.camera)
         self._reload()
 
     def app(self) -> Starlette:
@@ -59,6 +59,7 @@ class SiteEditor:
             Route("/check", self._check, methods=["POST"]),
             Route("/save", self._save, methods=["POST"]),
             Route("/preview", self._render_preview, methods=["POST"]),
+            Route("/scan-view", self._render_scan, methods=["POST"]),
             Route("/underlay", self._upload_underlay, methods=["POST"]),
             Route("/goal-image", self._goal_image),
             Route("/goal-image", self._upload_goal_image, methods=["POST"]),
@@ -109,7 +110,8 @@ class SiteEditor:
         if faults:
             findings = [format_finding(fault) for fault in faults]
         else:
-            findings = check_site(parse_site(document.text, self._path.name, directory), self._profile.base.radius_m)
+            site = parse_site(document.text, self._path.name, directory)
+            findings = [*check_site(site, self._profile.base.radius_m), *scan_findings(site)]
         return {"findings": [finding.content() for finding in findings]}
 
     async def _save(self, request: Request) -> Response:
@@ -140,6 +142,13 @@ class SiteEditor:
         image = await run_in_threadpool(self._rendered, body, _pose_field(body), full_size=False)
         return Response(image, media_type="image/jpeg")
 
+    async def _render_scan(self, request: Request) -> Response:
+        """Show the scan from above around a point, with the height of its surface there in a header."""
+        body = await json_body(request)
+        image, height_m = await run_in_threadpool(scan_image, self._site_of(body), _pose_field(body))
+        headers = {} if height_m is None else {"Surface-Height-M": f"{height_m:.2f}"}
+        return Response(image, media_type="image/jpeg", headers=headers)
+
     async def _take_goal_photo(self, request: Request) -> Response:
         """Store the image of the simulated camera at a pose as the image of a goal."""
         body = await json_body(request)
@@ -158,11 +167,13 @@ class SiteEditor:
         return Response(content, media_type=media_type)
 
     def _rendered(self, body: dict[str, Any], pose: Pose, *, full_size: bool) -> bytes:
-        """Return the camera image in the page's site without its goals, which may be incomplete."""
+        return camera_image(self._site_of(body), self._profile.camera, pose, full_size=full_size)
+
+    def _site_of(self, body: dict[str, Any]) -> Site:
+        """Return the page's site without its goals, which may be incomplete."""
         with self._lock:
             document = self._document.with_content(_site_field(body) | {"goals": []})
-        site = parse_site(document.text, self._path.name, self._path.parent)
-        return self._preview.image(site, pose, full_size=full_size)
+        return parse_site(document.text, self._path.name, self._path.parent)
 
     async def _underlay_image(self, _request: Request) -> Response:
         if self._underlay is None:

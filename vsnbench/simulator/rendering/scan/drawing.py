@@ -29,21 +29,35 @@ class ScanDrawer:
     """Draws views of one scan; it has its own buffers and is not thread-safe."""
 
     def __init__(self, mesh: ScanMesh) -> None:
-        order = _along_a_curve(mesh)
+        self._buffers: dict[tuple[int, int], tuple[Floats, Ints]] = {}
+        self._labels: tuple[npt.NDArray[np.float64], Ints, Ints, npt.NDArray[np.float64]] | None = None
+        self._splats = mesh.splats
+        if self._splats is not None:
+            self._splats = self._splats.chosen(_along_a_curve(self._splats.centres))
+            self._centres, self._radii = _spheres(self._splats.centres[:, None])
+            widest = np.sqrt(self._splats.spreads[:, [0, 3, 5]].max(axis=1).clip(0)).astype(np.float64)
+            self._radii += 3 * np.maximum.reduceat(widest, np.arange(0, len(widest), _CHUNK))
+            return
+        order = _along_a_curve(mesh.vertices[mesh.faces].mean(axis=1))
         self._corners = np.ascontiguousarray(mesh.corners[order])
         self._texture = np.ascontiguousarray(mesh.texture[order])
         self._paint = _paint(mesh, order)
         self._sizes, self._starts, self._texels = _pyramids(mesh.textures)
         self._density = _density(self._corners, self._paint, self._texture, self._sizes)
         self._centres, self._radii = _spheres(self._corners)
-        self._buffers: dict[tuple[int, int], tuple[Floats, Ints]] = {}
-        self._labels: tuple[npt.NDArray[np.float64], Ints, Ints, npt.NDArray[np.float64]] | None = None
 
     def look(self, view: View, rgb: Bytes, depth_m: Floats) -> None:
         """Draw a view: colours (H, W, 3), and depth (H, W) along the optical axis, which is NaN in holes.
 
         A hole's colour is the mean of the known pixels around it, over a square that is as large as needed.
         """
+        if self._splats is not None:
+            light = self._splats.draw(view, (self._centres, self._radii, _CHUNK), depth_m)
+            known = ~np.isnan(depth_m)
+            rgb[:] = np.where(known[..., None], light[..., :3] / np.maximum(1 - light[..., 3:], 0.5) + 0.5, 0)
+            if not known.all():
+                fill_holes(rgb, known)
+            return
         nearness, seen = self._faces(view, depth_m.shape)
         surface = (self._corners, self._paint, self._texture, self._density, self._sizes, self._starts, self._texels)
         if shade_triangles(*view, nearness, seen, *surface, rgb, depth_m):
@@ -51,6 +65,10 @@ class ScanDrawer:
 
     def measure(self, view: View, shape: tuple[int, int]) -> Floats:
         """Return only the depth of `look`."""
+        if self._splats is not None:
+            depth_m = np.empty(shape, np.float32)
+            self._splats.draw(view, (self._centres, self._radii, _CHUNK), depth_m)
+            return depth_m
         nearness, _ = self._faces(view, shape)
         with np.errstate(divide="ignore"):
             depth_m = np.reciprocal(nearness)
@@ -80,11 +98,10 @@ class ScanDrawer:
         return nearness, seen
 
 
-def _along_a_curve(mesh: ScanMesh) -> npt.NDArray[np.intp]:
-    """Return the triangles in an order in which neighbours are near each other in space."""
-    middle = mesh.vertices[mesh.faces].mean(axis=1)
-    low, high = middle.min(axis=0), middle.max(axis=0)
-    cells = ((middle - low) / max(float((high - low).max()), 1e-6) * 1023).astype(np.uint64)
+def _along_a_curve(points: Floats) -> npt.NDArray[np.intp]:
+    """Return the points (N, 3) in an order in which neighbours are near each other in space."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    cells = ((points - low) / max(float((high - low).max()), 1e-6) * 1023).astype(np.uint64)
     code = np.zeros(len(cells), np.uint64)
     for bit in range(10):
         for axis in range(3):
@@ -136,7 +153,7 @@ def _density(corners: Floats, paint: Floats, texture: Ints, sizes: npt.NDArray[n
 
 
 def _spheres(corners: Floats) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return centres (C, 3) and radii (C,) of spheres around the chunks."""
+    """Return centres (C, 3) and radii (C,) of spheres around chunks of triangles, or of points."""
     starts = np.arange(0, len(corners), _CHUNK)
     low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0).astype(np.float64)
     high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Triangles and textures of a scan, and the file that a site names: a stored ZIP archive of NumPy arrays."""
+"""Triangles, textures and splats of a scan, and the file that a site names: a stored ZIP archive of NumPy arrays."""
 
 import hashlib
 import io
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from vsnbench.errors import SiteError
 from vsnbench.files.atomic import write_atomic
 from vsnbench.files.regular import open_regular
+from vsnbench.simulator.rendering.scan.splats import Splats
 from vsnbench.values.encoding.images import MOST_PIXELS, picture_size
 
 MOST_TRIANGLES = 2_000_000
@@ -48,6 +49,8 @@ class ScanMesh:
     """(T, 3, 2) coordinates of the corners in the texture; (0, 0) is its upper left corner."""
     textures: tuple[Bytes, ...] = ()
     """(H, W, 3) sRGB each."""
+    splats: Splats | None = None
+    """What is drawn instead of the triangles, which then are only the surfaces."""
 
     @property
     def corners(self) -> Floats:
@@ -63,10 +66,15 @@ class ScanMesh:
         import cv2
 
         content = io.BytesIO()
-        arrays = {name: np.asarray(getattr(self, name), kind) for name, (kind, _) in _ARRAYS.items()}
+        arrays = {name: np.ascontiguousarray(getattr(self, name), kind) for name, (kind, _) in _ARRAYS.items()}
         for number, picture in enumerate(self.textures):
             _, png = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
             arrays[f"texture-{number}"] = np.asarray(png, np.uint8).reshape(-1)
+        if self.splats is not None:
+            arrays |= {
+                _SPLAT + name: np.ascontiguousarray(getattr(self.splats, name), kind)
+                for name, (kind, _) in _SPLATS.items()
+            }
         np.savez(content, **arrays)  # type: ignore[arg-type] # entries without dates, not compressed
         data = content.getvalue()
         write_atomic(path, data, SiteError)
@@ -87,7 +95,7 @@ class ScanMesh:
             return "a triangle has a texture that does not exist"
         if any(side % TEXTURE_STEP for picture in self.textures for side in picture.shape[:2]):
             return f"the sides of a texture are not multiples of {TEXTURE_STEP}"
-        return ""
+        return "" if self.splats is None else self.splats.problem(_FARTHEST_M)
 
 
 _ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -98,7 +106,14 @@ _ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "uv": ("<f4", (3, 2)),
 }
 """Type and trailing dimensions of each array of the file."""
-assert [*_ARRAYS, "textures"] == [field.name for field in fields(ScanMesh)]  # noqa: S101
+_SPLATS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "centres": ("<f4", (3,)),
+    "spreads": ("<f4", (6,)),
+    "paint": ("|u1", (4,)),
+}
+_SPLAT = "splat-"
+assert [*_ARRAYS, "textures", "splats"] == [field.name for field in fields(ScanMesh)]  # noqa: S101
+assert [*_SPLATS] == [field.name for field in fields(Splats)]  # noqa: S101
 
 
 @lru_cache(maxsize=2)
@@ -149,7 +164,7 @@ def parse_scan(data: bytes, origin: str) -> ScanMesh:
 def _parsed(data: bytes) -> ScanMesh:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
-        if len(entries) > MOST_TEXTURES + len(_ARRAYS):
+        if len(entries) > MOST_TEXTURES + len(_ARRAYS) + len(_SPLATS):
             raise ValueError(f"it has more than {MOST_TEXTURES} textures")
         if any(entry.compress_type != zipfile.ZIP_STORED or entry.file_size > len(data) for entry in entries.values()):
             raise ValueError("an entry is compressed")
@@ -160,8 +175,12 @@ def _parsed(data: bytes) -> ScanMesh:
             return _array(archive.read(entries[name]), name, kind, shape)
 
         arrays: dict[str, Any] = {name: array(name, kind, shape) for name, (kind, shape) in _ARRAYS.items()}
-        pictures = (array(f"texture-{number}", "|u1", ()) for number in range(len(entries) - len(_ARRAYS)))
-        return ScanMesh(**arrays, textures=decode_textures(picture.tobytes() for picture in pictures))
+        splats = None
+        if any(name.startswith(_SPLAT) for name in entries):
+            splats = Splats(**{name: array(_SPLAT + name, kind, shape) for name, (kind, shape) in _SPLATS.items()})
+        textures = len(entries) - len(_ARRAYS) - (0 if splats is None else len(_SPLATS))
+        pictures = (array(f"texture-{number}", "|u1", ()) for number in range(textures))
+        return ScanMesh(**arrays, textures=decode_textures(picture.tobytes() for picture in pictures), splats=splats)
 
 
 def _array(data: bytes, name: str, kind: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:

@@ -18,6 +18,7 @@ let underlay;
 let goals;
 let isDirty = false;
 let changes = 0;
+let pointed = null; // where the pointer was last on the plan
 
 async function post(path, content) {
   const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json", "X-CSRF-Token": state.csrf_token }, body: JSON.stringify(content) });
@@ -58,10 +59,26 @@ const preview = debounced(async () => {
   at("preview-card").hidden = !pose;
   if (!pose) return;
   at("preview").alt = start ? "Camera image from the selected start" : "Camera image for the photograph of the goal";
-  const image = await (await post("/preview", { site: model.site, ...pose })).blob();
-  URL.revokeObjectURL(at("preview").src);
-  at("preview").src = URL.createObjectURL(image);
+  await showPicture(at("preview"), await post("/preview", { site: model.site, ...pose }));
 }, 60);
+
+// The scan from above around the pointer, on the side of the plan where the pointer is not.
+const showScan = debounced(async () => {
+  const [x, y] = pointed;
+  const answer = await post("/scan-view", { site: model.site, x_m: x, y_m: y, heading_deg: 0 });
+  const height = answer.headers.get("Surface-Height-M");
+  at("scan-height").textContent = height === null ? "hole in the scan" : `scan: ${height} m high`;
+  at("scan-picture").alt = `The scan from above around (${x.toFixed(2)}, ${y.toFixed(2)})`;
+  at("scan-view").classList.toggle("left", x > plan.centre()[0]);
+  at("scan-view").hidden = false;
+  await showPicture(at("scan-picture"), answer);
+}, 60);
+
+async function showPicture(image, answer) {
+  const picture = await answer.blob();
+  URL.revokeObjectURL(image.src);
+  image.src = URL.createObjectURL(picture);
+}
 
 function setUnsaved() {
   isDirty = true;
@@ -157,6 +174,10 @@ function wire() {
   aside.addEventListener("keydown", (event) => { if (event.key === "Tab") side.isPressed = true; }, true);
   window.addEventListener("keyup", side.release); // the next field has the focus
   for (const end of ["mouseup", "blur"]) window.addEventListener(end, () => setTimeout(side.release));
+  for (const moved of ["pointermove", "pointerdown"]) plan.svg.addEventListener(moved, (event) => {
+    pointed = plan.at(event);
+    if (model.site.scan) showScan();
+  });
   plan.camera = () => goals.shownCamera();
   plan.onSettled = preview;
   plan.outlineOf = (entry) => outline(entry).map((point) => point.map((each) => rounded(each)));
