@@ -32,6 +32,9 @@ from vsnbench.sites.site import Site
 MAX_TRAJECTORIES = 12
 """Maximum number of conditions whose trajectories are drawn; other figures use as many pages as needed."""
 
+MAX_BY_START = 4
+"""Maximum number of conditions of a report whose trajectories may have a plan per start, which take long to draw."""
+
 WORKER_TRAJECTORIES = 2
 """Number of trajectory figures, and every other one after them, that the worker process draws."""
 
@@ -194,7 +197,8 @@ def _plans(report: Report, url: str) -> Iterator[_Plan]:
     with open_record(url) as engine:
         for site, summary in placed[:MAX_TRAJECTORIES]:
             tracks = read_tracks(engine, report.record, summary.condition)
-            yield partial(trajectory_plan, site, summary, tracks, left_out)
+            may_split = len(placed) <= MAX_BY_START
+            yield partial(trajectory_plan, site, summary, tracks, left_out, may_split=may_split)
 
 
 def _placed(report: Report) -> list[tuple[Site, ConditionSummary]]:

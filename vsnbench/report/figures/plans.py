@@ -90,15 +90,16 @@ def read_tracks(engine: Engine, record: ReportData, condition: Condition, max_pe
 
 
 def trajectory_plan(
-    site: Site, summary: ConditionSummary, tracks: Sequence[Track], left_out: str = ""
+    site: Site, summary: ConditionSummary, tracks: Sequence[Track], left_out: str = "", *, may_split: bool = True
 ) -> Drawing | None:
     """Draw plans with tracks by outcome; None without tracks.
 
-    There is one plan per goal; for a model that mostly fails, whose tracks would cover each other, one per start.
+    There is one plan per goal; for a model that mostly fails, whose tracks would cover each other, one per start, if it
+    may be split so.
     """
     if not tracks:
         return None
-    by_start = _is_weak(summary) and 1 < len({track.start for track in tracks}) <= MAX_STARTS
+    by_start = may_split and _is_weak(summary) and 1 < len({track.start for track in tracks}) <= MAX_STARTS
     panels = _panels_by_start(summary, tracks) if by_start else _panels_by_goal(summary, tracks)
     columns = min(_START_COLUMNS if by_start else 3, len(panels))
     lines = -(-len(panels) // columns)
