@@ -245,7 +245,8 @@ def _things(samples: Floats, walls: list[WallLine], room: Polygon) -> list[SiteO
     blobs.sort(key=lambda part: -part.area)
     below, things = samples[samples[:, 2] < _CUT_M], []
     for number, blob in enumerate(blobs[:_MOST_OBJECTS], start=1):
-        outline = Polygon(shapely.simplify(Polygon(blob.exterior), 0.015).exterior)
+        simple = shapely.simplify(Polygon(blob.exterior), 0.015)
+        outline = Polygon([_point(corner) for corner in simple.exterior.coords])  # rounded, corners can meet
         if not outline.is_valid or outline.area < _SMALLEST_M2 / 2:
             outline = box(*blob.bounds)
         x0, y0, x1, y1 = outline.bounds
