@@ -1183,4 +1183,41 @@ LONG = {
         "models/remote/test_checking.py",
         "test_models_check_finds_sessions_that_mix",
     ),
+    **_of(
+        "fuzz/test_fuzz.py",
+        "simulator/scan/test_splat_files.py, cli/test_site_scan.py",
+        "test_nothing_gets_past_a_loader_s_boundary[splat ply]",
+        "test_nothing_gets_past_a_loader_s_boundary[spz]",
+        "test_nothing_gets_past_a_loader_s_boundary[obj]",
+    ),
+    **_of(
+        "web/site_editor/test_scan.py",
+        "cli/test_site_scan.py::test_floor_and_walls_of_an_imperfect_scan_are_recovered",
+        "test_edit_makes_a_new_site_from_a_scan",
+    ),
+    **_of(
+        "cli/test_site_scan.py",
+        "simulator/scan/test_comparison.py, simulator/rendering/scan/test_splats.py",
+        "test_trials_in_the_scan_succeed",
+    ),
+    **_of(
+        "examples/test_examples.py",
+        "models/test_contract_check.py",
+        "test_the_examples_pass_models_check[sequence:Rememberer]",
+    ),
+    **_of(
+        "cli/study/test_verbs.py",
+        "study/test_planned_twin.py",
+        "test_a_planned_twin_is_run_by_the_study_before_the_first_real_trial",
+    ),
+    **_of(
+        "results/test_goals.py",
+        "results/test_goals.py::test_a_sequence_is_recorded_reported_merged_and_verified_leg_by_leg",
+        "test_sequences_have_oracle_success_and_the_share_of_goals_reached",
+    ),
+    **_of(
+        "robots/test_calibration.py",
+        "sensing/images/test_floor_plane.py",
+        "test_the_doctor_looks_at_the_camera_over_ros1[survives_an_unnamed_compressed_topic]",
+    ),
 }
