@@ -81,6 +81,7 @@ db status
 
 COMMANDS = f"""
 {QUICK.partition("models fetch ")[0]}
+try forward --starts 1 --results tried
 sites draw apartment --output plan.svg
 sites render other/lab.yaml --output look.png
 sites generate --seed 3
@@ -117,6 +118,8 @@ episodes show 7 --steps
 episodes show 1 --results placed
 episodes show 2 --results placed
 episodes show 3 --results goals
+episodes show 9 --results goals
+episodes list --results goals
 judge --pending
 judge 5 --distance 3 --yes
 judge 1 --second Grace --distance 3

@@ -31,14 +31,6 @@ def site_file(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def browser(site_file: Path) -> Iterator[Browser]:
-    with served(site_file) as server:
-        entered = Browser(server.addresses[0], timeout_s=200.0).enter()
-        entered.csrf_token = entered.ask("GET", "/state").json["csrf_token"]
-        yield entered
-
-
 def test_findings_are_those_of_sites_check(browser: Browser) -> None:
     site = browser.ask("GET", "/state").json["site"]
     assert browser.post("/check", site=site).json == {"findings": []}

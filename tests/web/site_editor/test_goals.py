@@ -45,11 +45,8 @@ def saved(page: Page) -> None:
 
 
 @pytest.fixture
-def browser(tmp_path: Path) -> Iterator[Browser]:
-    with served(write_site(tmp_path)) as server:
-        entered = Browser(server.addresses[0], timeout_s=200.0).enter()
-        entered.csrf_token = entered.ask("GET", "/state").json["csrf_token"]
-        yield entered
+def site_file(tmp_path: Path) -> Path:
+    return write_site(tmp_path)
 
 
 @pytest.mark.browser

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -34,14 +33,6 @@ def site_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
         write_splats(splats_of(room(table=True), 30), source)
     import_scan(source, folder / "lab.yaml", "z")
     return folder / "lab.yaml"
-
-
-@pytest.fixture
-def browser(site_file: Path) -> Iterator[Browser]:
-    with served(site_file) as server:
-        entered = Browser(server.addresses[0], timeout_s=200.0).enter()
-        entered.csrf_token = entered.ask("GET", "/state").json["csrf_token"]
-        yield entered
 
 
 def test_the_scan_from_above_says_how_high_its_surface_is(browser: Browser) -> None:

@@ -229,8 +229,7 @@ def _oracle_success(
 ) -> bool | None:
     """Return whether STOP would have succeeded at any pose before a collision, for each goal of a sequence."""
     if ground and course and course.legs:
-        reached = oracle_of_legs(ground, course)
-        return None if reached is None else all(reached) and len(reached) == len(legs_of(ground.site, goal))
+        return oracle_of_sequence(oracle_of_legs(ground, course), len(legs_of(ground.site, goal)))
     if course is None or approach is None:
         return None
     return bool((approach.reached[:-1] if course.touched else approach.reached).any())
@@ -251,6 +250,16 @@ def oracle_of_legs(ground: CourseMap | None, course: Course | None) -> tuple[boo
             return None
         reached.append(leg.success is True or bool(flags.any()))
     return tuple(reached)
+
+
+def oracle_of_sequence(reached: Sequence[bool] | None, goals: int) -> bool | None:
+    """Return whether STOP would have succeeded on the way to each goal of a sequence; None if that is unknown.
+
+    Args:
+        reached: that of each goal that was given (`oracle_of_legs`).
+        goals: number of goals of the sequence.
+    """
+    return None if reached is None else len(reached) == goals and all(reached)
 
 
 def _summary(condition: Condition, counted: int, lines: Sequence[tuple[Any, ...]]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from sqlalchemy import Engine, select
 from vsnbench.protocol.metrics import spl
 from vsnbench.report.analysis.activity import Rows
 from vsnbench.report.analysis.conditions import Condition
-from vsnbench.report.analysis.courses import course_map, oracle_of_legs
+from vsnbench.report.analysis.courses import course_map, oracle_of_legs, oracle_of_sequence
 from vsnbench.report.analysis.episodes_frame import ReportData
 from vsnbench.report.analysis.reading import read_courses
 from vsnbench.results.reading.read_model import COUNTS
@@ -23,8 +23,8 @@ _PART = 100
 """Courses in memory at a time."""
 _Given = tuple[SequenceLeg, bool | None]
 """A goal that was given, and whether STOP would have succeeded on the way; None if that is unknown."""
-_Known = tuple[tuple[_Given, ...], int, bool]
-"""The given goals of an episode, the number of goals of its sequence, and whether it succeeded."""
+_Known = tuple[tuple[_Given, ...], int, bool, bool | None]
+"""The given goals of an episode, the number of goals of its sequence, success and oracle success."""
 
 
 def read_legs(engine: Engine, record: ReportData) -> Rows:
@@ -35,13 +35,13 @@ def read_legs(engine: Engine, record: ReportData) -> Rows:
     rows: list[dict[str, Any]] = []
     for condition in record.conditions:
         known = list(_known(engine, record, condition))
-        for position in range(1, max((goals for _, goals, _ in known), default=0) + 1):
-            given = [legs[position - 1 : position] for legs, goals, _ in known if goals >= position]
+        for position in range(1, max((goals for _, goals, _, _ in known), default=0) + 1):
+            given = [legs[position - 1 : position] for legs, goals, _, _ in known if goals >= position]
             rows.append({"condition": condition.number, "position": position, "progress": None, **_of_legs(given)})
         if known:
-            oracle = [_all_reached(legs, goals, success=success) for legs, goals, success in known]
-            whole = _of_legs([legs for legs, _, _ in known], [success for _, _, success in known], oracle)
-            reached = [sum(leg.success is True for leg, _ in legs) / goals for legs, goals, _ in known]
+            each, _, successes, oracle = zip(*known, strict=True)
+            whole = _of_legs(each, successes, oracle)
+            reached = [sum(leg.success is True for leg, _ in legs) / goals for legs, goals, _, _ in known]
             whole["progress"] = math.fsum(reached) / len(reached)
             rows.append({"condition": condition.number, "position": None, **whole})
     return tuple(rows)
@@ -61,17 +61,13 @@ def _known(engine: Engine, record: ReportData, condition: Condition) -> Iterator
         courses = read_courses(engine, [row.id for row in part])
         for row in part:
             legs = tuple(SequenceLeg(**leg) for leg in row.legs or ())
-            oracle = oracle_of_legs(ground, courses.get(row.id)) or (None,) * len(legs)
-            yield tuple(zip(legs, oracle, strict=True)), len(row.content["goals"]), bool(verdicts[row.id])
-
-
-def _all_reached(legs: Sequence[_Given], goals: int, *, success: bool) -> bool | None:
-    """Return whether STOP would have succeeded on the way to every goal of a sequence."""
-    if success:
-        return True
-    if any(reached is None for _, reached in legs):
-        return None
-    return len(legs) == goals and all(reached for _, reached in legs)
+            oracle, goals, success = (
+                oracle_of_legs(ground, courses.get(row.id)),
+                len(row.content["goals"]),
+                verdicts[row.id],
+            )
+            given = tuple(zip(legs, oracle or (None,) * len(legs), strict=True))
+            yield given, goals, bool(success), True if success else oracle_of_sequence(oracle, goals)
 
 
 def _of_legs(
@@ -82,13 +78,13 @@ def _of_legs(
     """Return rates, SPL and actions of parts of sequences; a part succeeds if its one leg does, unless stated."""
     successes = successes or [all(leg.success for leg, _ in legs) and bool(legs) for legs in several]
     oracle = oracle or [legs[0][1] if legs else False for legs in several]
-    reached = [each for each in oracle if each is not None]
+    known = [flag for flag in oracle if flag is not None]
     weighted = [_spl_of(legs, success=success) for legs, success in zip(several, successes, strict=True)]
     given = [leg for legs in several for leg, _ in legs]
     sequences = sum(bool(legs) for legs in several)
     return {
         "rate": Proportion(sum(successes), len(several)),
-        "mean_oracle_success": sum(reached) / len(reached) if reached else math.nan,
+        "mean_oracle_success": sum(known) / len(known) if known else math.nan,
         "given": sequences,
         "spl": math.fsum(weighted) / len(weighted),
         "mean_actions": sum(leg.actions for leg in given) / sequences if given else math.nan,

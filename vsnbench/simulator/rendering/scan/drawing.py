@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vsnbench.simulator.rendering.raster import nearest_first
+from vsnbench.simulator.rendering.raster import NEAR_M, nearest_first
 from vsnbench.simulator.rendering.scan.mesh import Bytes, Floats, Ints, ScanMesh
 from vsnbench.simulator.rendering.scan.pixels import fill_holes, label_points
 from vsnbench.simulator.rendering.scan.raster import LEVELS, draw_triangles, shade_triangles
@@ -52,7 +52,7 @@ class ScanDrawer:
         A hole's colour is the mean of the known pixels around it, over a square that is as large as needed.
         """
         if self._splats is not None:
-            light = self._splats.draw(view, (self._centres, self._radii, _CHUNK), depth_m)
+            light = self._splats.draw(view, (np.flatnonzero(self._in_view(view, depth_m.shape)), _CHUNK), depth_m)
             known = ~np.isnan(depth_m)
             rgb[:] = np.where(known[..., None], light[..., :3] / np.maximum(1 - light[..., 3:], 0.5) + 0.5, 0)
             if not known.all():
@@ -67,7 +67,7 @@ class ScanDrawer:
         """Return only the depth of `look`."""
         if self._splats is not None:
             depth_m = np.empty(shape, np.float32)
-            self._splats.draw(view, (self._centres, self._radii, _CHUNK), depth_m)
+            self._splats.draw(view, (np.flatnonzero(self._in_view(view, shape)), _CHUNK), depth_m)
             return depth_m
         nearness, _ = self._faces(view, shape)
         with np.errstate(divide="ignore"):
@@ -94,8 +94,19 @@ class ScanDrawer:
         nearness.fill(0.0)
         seen.fill(-1)
         order = nearest_first(view[0], self._centres, self._radii)
-        draw_triangles(*view, self._corners, self._centres, self._radii, _CHUNK, order, nearness, seen)
+        order = order[self._in_view(view, size)[order]]
+        draw_triangles(*view, self._corners, _CHUNK, order, nearness, seen)
         return nearness, seen
+
+    def _in_view(self, view: View, size: tuple[int, ...]) -> npt.NDArray[np.bool_]:
+        """Return which chunks may be in view, by the spheres around them."""
+        eye, axes, focal, centre_x, centre_y = view
+        x, y, z = ((self._centres - eye) @ axes.T).T
+        inside: npt.NDArray[np.bool_] = z + self._radii >= NEAR_M
+        for across, centre, length in ((x, centre_x, size[1]), (y, centre_y, size[0])):
+            slope = max(centre + 0.5, length - centre) / focal
+            inside &= np.abs(across) - slope * z <= self._radii * np.sqrt(1 + slope * slope)
+        return inside
 
 
 def _along_a_curve(points: Floats) -> npt.NDArray[np.intp]:

@@ -25,8 +25,6 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
     centre_x: Any,
     centre_y: Any,
     corners: Any,
-    centres: Any,
-    radii: Any,
     chunk: Any,
     order: Any,
     nearness: Any,
@@ -43,10 +41,8 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
         centre_x: centre of the image, pixels.
         centre_y: centre of the image, pixels.
         corners: (T, 3, 3) float32 corners of the triangles.
-        centres: (C, 3) centres of spheres around the chunks.
-        radii: (C,) their radii.
         chunk: number of consecutive triangles of a chunk.
-        order: chunks in the order in which they are drawn.
+        order: chunks that may be in view, in the order in which they are drawn.
         nearness: (H, W) float32, written.
         seen: (H, W) int32, written.
     """
@@ -55,25 +51,10 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
     clipped = np.empty((4, 3))
     screen = np.empty((4, 2))
     edges = np.empty((4, 4))
-    slope_x = max(centre_x + 0.5, width - centre_x) / focal
-    slope_y = max(centre_y + 0.5, height - centre_y) / focal
-    norm_x = np.sqrt(1.0 + slope_x * slope_x)
-    norm_y = np.sqrt(1.0 + slope_y * slope_y)
     r00, r01, r02 = axes[0, 0], axes[0, 1], axes[0, 2]
     r10, r11, r12 = axes[1, 0], axes[1, 1], axes[1, 2]
     r20, r21, r22 = axes[2, 0], axes[2, 1], axes[2, 2]
     for number in order:
-        dx = centres[number, 0] - eye[0]
-        dy = centres[number, 1] - eye[1]
-        dz = centres[number, 2] - eye[2]
-        x = r00 * dx + r01 * dy + r02 * dz
-        y = r10 * dx + r11 * dy + r12 * dz
-        z = r20 * dx + r21 * dy + r22 * dz
-        radius = radii[number]
-        if z + radius < NEAR_M:
-            continue
-        if abs(x) - slope_x * z > radius * norm_x or abs(y) - slope_y * z > radius * norm_y:
-            continue
         for face in range(number * chunk, min((number + 1) * chunk, len(corners))):
             behind = 0
             for k in range(3):

@@ -70,14 +70,14 @@ class Splats:
     def draw(
         self,
         view: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float, float, float],
-        spheres: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], int],
+        chunks: tuple[npt.NDArray[np.intp], int],
         depth_m: Floats,
     ) -> Floats:
         """Draw a view of splats whose neighbours in the arrays are near each other.
 
         Args:
             view: position, axes, focal length and centre of the camera, as in `draw_triangles`.
-            spheres: centres and radii of spheres around the chunks, and the number of splats of a chunk.
+            chunks: the chunks that may be in view, and the number of consecutive splats of a chunk.
             depth_m: (H, W), written: where half of the light is covered; NaN where less is.
 
         Returns:
@@ -85,7 +85,7 @@ class Splats:
         """
         screen = np.empty((len(self.centres), 10), np.float32)
         index = np.empty(len(self.centres), np.int32)
-        arrays = (self.centres, self.spreads, self.paint, *spheres, _LOGARITHMS)
+        arrays = (self.centres, self.spreads, self.paint, *chunks, _LOGARITHMS)
         count = project_splats(*view, *arrays, depth_m.shape[1], depth_m.shape[0], screen, index)
         order = np.argsort(screen[:count, 5], kind="stable")
         light = np.zeros((*depth_m.shape, 4), np.float32)
@@ -105,8 +105,7 @@ def project_splats(  # noqa: PLR0913 - compiled functions take arrays, not objec
     centres: Any,
     spreads: Any,
     paint: Any,
-    spheres: Any,
-    radii: Any,
+    chunks: Any,
     chunk: Any,
     logarithms: Any,
     width: Any,
@@ -125,8 +124,7 @@ def project_splats(  # noqa: PLR0913 - compiled functions take arrays, not objec
         centres: (N, 3) float32.
         spreads: (N, 6) float32.
         paint: (N, 4) uint8.
-        spheres: (C, 3) centres of spheres around the chunks.
-        radii: (C,) their radii.
+        chunks: chunks that may be in view.
         chunk: number of consecutive splats of a chunk.
         logarithms: (256,) float32 largest exponent of each opacity.
         width: pixels.
@@ -140,22 +138,11 @@ def project_splats(  # noqa: PLR0913 - compiled functions take arrays, not objec
     """
     slope_x = max(centre_x + 0.5, width - centre_x) / focal
     slope_y = max(centre_y + 0.5, height - centre_y) / focal
-    norm_x = np.sqrt(1.0 + slope_x * slope_x)
-    norm_y = np.sqrt(1.0 + slope_y * slope_y)
     r00, r01, r02 = axes[0, 0], axes[0, 1], axes[0, 2]
     r10, r11, r12 = axes[1, 0], axes[1, 1], axes[1, 2]
     r20, r21, r22 = axes[2, 0], axes[2, 1], axes[2, 2]
     count = 0
-    for number in range(len(radii)):
-        dx, dy, dz = spheres[number, 0] - eye[0], spheres[number, 1] - eye[1], spheres[number, 2] - eye[2]
-        x = r00 * dx + r01 * dy + r02 * dz
-        y = r10 * dx + r11 * dy + r12 * dz
-        z = r20 * dx + r21 * dy + r22 * dz
-        radius = radii[number]
-        if z + radius < _NEAREST_M:
-            continue
-        if abs(x) - slope_x * z > radius * norm_x or abs(y) - slope_y * z > radius * norm_y:
-            continue
+    for number in chunks:
         for splat in range(number * chunk, min((number + 1) * chunk, len(centres))):
             opacity = paint[splat, 3]
             if opacity < 2:

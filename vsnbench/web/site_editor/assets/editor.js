@@ -142,7 +142,7 @@ function toolbar() {
     key.setAttribute("aria-pressed", String(name === tools.tool));
     key.addEventListener("click", (event) => {
       tools.use(name);
-      if (event.detail === 0 && name !== "select") tools.addInView(); // selected by keyboard, so there is no pointer position
+      if (event.detail === 0 && name !== "select") tools.addInView(); // chosen with the keyboard: there is no pointer to follow
       plan.svg.focus({ preventScroll: true });
     });
     bar.append(key);
