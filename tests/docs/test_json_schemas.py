@@ -46,6 +46,8 @@ WITHOUT_A_VALUE = {
     "study run.suspended[]": "a model that stops working",
     "study status.looked[]": "a study that is analysed at looks",
     "study status.looks[]": "a study that is analysed at looks",
+    "try.trials[].blocked_at": "a model that drives at furniture",
+    "try.trials[].same_action": "a model that turns for ever",
 }
 """Part of a schema that the commands have no value of -> what it needs."""
 NAMES = sorted({name_of(line) for line in COMMANDS.splitlines() if line})
