@@ -87,6 +87,21 @@ def driven(
     **settings: Any,
 ) -> list[Step]:
     """Serve a model and run the page's trial, or one to another goal; return the steps. `end`: how it must end."""
+    with served(model, directory, **settings) as url:
+        return tried(model, url, directory, monkeypatch, capsys, goal, starts, end)
+
+
+def tried(
+    model: str,
+    url: str,
+    directory: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    goal: str = "",
+    starts: str = "5",
+    end: str = "stop",
+) -> list[Step]:
+    """Run the page's trial of a model that is served, as `driven` does."""
     runs = next(runs for serves, runs in COMMANDS.items() if f":{model} " in serves)
     if goal:
         runs = re.sub(r"--goal \S+", f"--goal {goal}", runs)
@@ -97,10 +112,9 @@ def driven(
         runs = runs.replace("examples/goals.yaml", str(directory / "points.yaml"))
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
-    with served(model, directory, **settings) as url:
-        arguments = runs.replace("ws://127.0.0.1:8765", url).split()[1:]
-        arguments += ["--starts", starts, "--max-steps", "24", "--results", str(directory / "results")]
-        answer = vsnbench(monkeypatch, capsys, *arguments)
+    arguments = runs.replace("ws://127.0.0.1:8765", url).split()[1:]
+    arguments += ["--starts", starts, "--max-steps", "24", "--results", str(directory / "results")]
+    answer = vsnbench(monkeypatch, capsys, *arguments)
     assert answer.code == 0, answer.err + (directory / "server.log").read_text()
     with closing(sqlite3.connect(directory / "results" / "vsnbench.db")) as database:
         rows = database.execute("SELECT action, raw_action, movement FROM step ORDER BY episode_id, number").fetchall()

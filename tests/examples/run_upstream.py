@@ -2,11 +2,11 @@
 
     python run_upstream.py navdp CHECKOUTS --port 8888
 
-CHECKOUTS has one directory per repository (NavDP, diffusion_policy, StreamVLN, InternNav, goat-bench). The files of the
-server are copied into the working directory with `cuda:0` replaced by `cpu`, and with the changes that a lab makes by
-hand (`change_by_hand`). The function of a server puts something small in the place of networks that are too large for a
-CPU and of packages that have no wheel. For `goat` the working directory has the adapter, goat.json and
-vsnbench_policy.py.
+CHECKOUTS has one directory per repository (NavDP, diffusion_policy, StreamVLN, InternNav, goat-bench, UniGoal). The
+files of the server are copied into the working directory with `cuda:0` replaced by `cpu`, and with the changes that a
+lab makes by hand (`change_by_hand`). The function of a server puts something small in the place of networks that are
+too large for a CPU and of packages that have no wheel. For `goat` and `unigoal` the working directory has the adapter,
+its settings and vsnbench_policy.py.
 """
 
 import argparse
@@ -14,6 +14,7 @@ import importlib
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 import types
 from abc import ABCMeta
@@ -49,7 +50,9 @@ def random_weights():
 
 
 def torchvision_without_cuda():
-    """Define the operators that torchvision's wheel has for CUDA only."""
+    """Define the operators of a torchvision whose wheel has them for CUDA only; it cannot be imported without them."""
+    if subprocess.run([sys.executable, "-c", "import torchvision"], capture_output=True, check=False).returncode == 0:
+        return None
     library = torch.library.Library("torchvision", "DEF")
     for name in ("nms", "qnms"):
         library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
@@ -359,9 +362,103 @@ def goat():
     torch.load = lambda *_, **__: {"state_dict": {}}
 
 
+def unigoal():
+    """The networks and the language model say what follows; upstream's program, maps, graphs and planner are its own.
+
+    Mask R-CNN sees a chair in the middle of every image, Grounding DINO and Segment Anything a chair and a table there.
+    LightGlue matches the goal's photograph with 120 points, of which upstream needs more than 100.
+    """
+    config = Path("configs/config_habitat.yaml")
+    config.write_text(config.read_text(encoding="utf-8").replace("cuda: true", "cuda: false"), encoding="utf-8")
+    absent = ("detectron2", "lightglue", "magnum", "openai", "moviepy", "gym", "GroundingDINO", "segment_anything")
+    sys.meta_path.insert(0, NotThere(*absent, "grounded_sam_demo"))
+
+    def middle(height, width):
+        """Return the mask and the box of the middle of an image."""
+        mask = torch.zeros((height, width))
+        mask[height // 3 : 2 * height // 3, width // 3 : 2 * width // 3] = 1.0
+        return mask, torch.tensor([width // 3, height // 3, 2 * width // 3, 2 * height // 3])
+
+    class ImageSegmentation:
+        def __init__(self, arguments):
+            pass
+
+        def get_predictions(self, images, visualize):
+            mask, box = middle(*images[0].shape[:2])
+            boxes = types.SimpleNamespace(tensor=box[None].float())
+            found = types.SimpleNamespace(pred_classes=torch.tensor([56]), pred_masks=mask[None], pred_boxes=boxes)
+            return [{"instances": found}], None
+
+    class Network(torch.nn.Module):
+        """DISK, LightGlue or Segment Anything."""
+
+        def __init__(self, *_, **__):
+            super().__init__()
+            self.transform = types.SimpleNamespace(apply_boxes_torch=lambda boxes, shape: boxes)
+
+        def set_image(self, image):
+            assert image.dtype == np.uint8
+            print("image", image.shape, "red, green, blue", *(round(value) for value in image.mean((0, 1))), flush=True)
+            self.size = image.shape[:2]
+
+        def predict_torch(self, boxes, **_):
+            masks = torch.zeros((len(boxes), 1, *self.size), dtype=torch.bool)
+            for mask, (left, top, right, bottom) in zip(masks, boxes.int().tolist(), strict=True):
+                mask[0, top:bottom, left:right] = True
+            return masks, torch.full((len(boxes), 1), 0.99), None
+
+    def matched(*_):
+        points = {"keypoints": torch.zeros((2048, 2))}
+        return points, points, {"matches": torch.zeros((120, 2), dtype=torch.long)}
+
+    def said(model, prompt, image=None):
+        """Return what a language model says to upstream's questions."""
+        answers = {
+            "extract all objects": "[chair, table]",
+            "relationships between the above objects": "chair and table: chair is next to table",
+            "decompose it": '{"subgraph_1": {"nodes": [{"id": "chair"}, {"id": "table"}], "edges": []}}',
+            "Which room": "living room",
+            "labels corresponding": "0",
+            "probability of A and B appearing together is about": "0.8",
+            "single spatial relationship": "next to",
+        }
+        return next((answer for words, answer in answers.items() if words in prompt), "0.5")
+
+    def box3d_overlap(boxes, others):
+        """Return what boxes have in common, for those along the axes."""
+        low = torch.maximum(boxes.amin(1)[:, None], others.amin(1)[None])
+        high = torch.minimum(boxes.amax(1)[:, None], others.amax(1)[None])
+        common, all_of = (high - low).clamp(min=0).prod(-1), lambda each: (each.amax(1) - each.amin(1)).prod(-1)
+        return common, common / (all_of(boxes)[:, None] + all_of(others)[None] - common)
+
+    module("pytorch3d.ops", box3d_overlap=box3d_overlap)
+    boxes = torch.tensor([[0.5, 0.5, 0.3, 0.3], [0.3, 0.6, 0.2, 0.2]])
+    graph = importlib.import_module("src.graph.graph")
+    # Python 3.8 ignores the argument `device`; later ones refuse it.
+    graph.MapObjectList.__init__ = lambda self, items=(), **_: list.__init__(self, items)
+    graph.load_model, graph.SamPredictor = lambda *_, **__: None, Network
+    graph.sam_model_registry = {"vit_h": Network}
+    graph.get_grounding_output = lambda *_, **__: (boxes.clone(), ["chair", "table"])
+    graph.T = types.SimpleNamespace(
+        RandomResize=lambda *_, **__: None,
+        ToTensor=lambda: None,
+        Normalize=lambda *_: None,
+        Compose=lambda _: lambda image, target: (image, target),
+    )
+    agent = importlib.import_module("src.agent.unigoal.agent")
+    for module_of in (graph, agent):
+        module_of.DISK = module_of.LightGlue = Network
+        module_of.match_pair, module_of.numpy_image_to_torch = matched, torch.from_numpy
+    importlib.import_module("src.utils.visualization.semantic_prediction").ImageSegmentation = ImageSegmentation
+    llm = importlib.import_module("src.utils.llm")
+    llm.LLM.__call__ = llm.VLM.__call__ = said
+
+
+UNIGOAL = ("unigoal_adapter:UniGoal", "--port", "{port}")
 GOAT = ("goat_adapter:SenseActNN", "--settings", "goat.json", "--port", "{port}")
-"""The policy has no server of upstream's: vsnbench's serves it, with the adapter in the working directory."""
+"""What has no server of upstream's: vsnbench's serves it, with the adapter in the working directory."""
 SERVERS = {
+    "unigoal": ("UniGoal", "vsnbench_policy.py", unigoal, UNIGOAL),
     "goat": ("goat-bench", "vsnbench_policy.py", goat, GOAT),
     "streamvln": ("StreamVLN", "streamvln/http_realworld_server.py", streamvln, ("--device", "cpu")),
     "dualvln": ("InternNav", "scripts/realworld/http_internvla_server.py", dualvln, ("--device", "cpu")),

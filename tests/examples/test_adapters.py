@@ -49,7 +49,7 @@ def navdp_server(directory: Path, algo: str = "navdp") -> Iterator[str]:
 def test_the_page_has_commands_for_every_adapter() -> None:
     named = {serves.split()[1].partition(":")[0] for serves in COMMANDS}
     assert named == {file.stem for file in ADAPTERS.glob("*.py")}
-    assert len(COMMANDS) == 8
+    assert len(COMMANDS) == 9
 
 
 @pytest.mark.parametrize("model", ["NavDP", "UniNaVid", "NaVILA", "VLFMHabitat", "VLFMReality"])
@@ -312,6 +312,20 @@ def test_goats_agent_keeps_its_memory_from_goal_to_goal(
     legs = [["MOVE_FORWARD"] * goals + ["NOOP", "STOP"] for goals in range(1, 6)]
     assert [action for action, _, _ in steps] == [action for leg in legs for action in leg]
     assert {raw for _, raw, _ in steps} == {"move_forward", "look_up", "subtask_stop"}
+
+
+def test_unigoals_program_owns_the_loop_of_each_episode(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("UniGoal", directory, monkeypatch, capsys, starts="5,6")
+    assert [action for action, _, _ in steps] == (["TURN_LEFT"] * 2 + ["MOVE_FORWARD"] * 3 + ["STOP"]) * 2
+
+
+def test_an_episode_of_unigoal_that_ends_without_stop_leaves_room_for_the_next(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = driven("UniGoal", directory, monkeypatch, capsys, "red-chairs", "5,14", end="step_limit")
+    assert [action for action, _, _ in steps] == (["TURN_LEFT"] * 2 + ["MOVE_FORWARD"] * 22) * 2
 
 
 @pytest.mark.parametrize("chunk", [False, True])

@@ -2,7 +2,9 @@
 
 $VSNBENCH_UPSTREAM is a directory with checkouts of the repositories, by their names; $VSNBENCH_UPSTREAM_PYTHON is a
 Python with torch, torchvision, flask, opencv-python-headless, imageio[ffmpeg], matplotlib, efficientnet_pytorch,
-diffusers and einops. `run_upstream.py` says what of a server is replaced.
+diffusers and einops; for UniGoal also msgpack, websockets, omegaconf, scikit-image, scikit-fmm, scikit-learn, numba,
+numpy-quaternion, networkx, grakel, supervision==0.21.0, faiss-cpu and open3d. `run_upstream.py` says what of a server
+is replaced.
 """
 
 import os
@@ -12,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.adapter_trials import driven, lay_out, process
+from tests.examples.adapter_trials import driven, lay_out, process, tried
 from tests.models.remote.servers import free_port
 
 CHECKOUTS, PYTHON = os.environ.get("VSNBENCH_UPSTREAM", ""), os.environ.get("VSNBENCH_UPSTREAM_PYTHON", "")
@@ -33,7 +35,7 @@ def directory(tmp_path: Path) -> Path:
 def upstream(name: str, directory: Path) -> Iterator[str]:
     """Run one of upstream's servers; yield its address."""
     port, place = free_port(), directory / "upstream"
-    place.mkdir()
+    lay_out(place)
     with process(str(RUN), name, CHECKOUTS, "--port", str(port), port=port, cwd=place, python=PYTHON):
         yield f"http://127.0.0.1:{port}"
 
@@ -80,3 +82,14 @@ def test_dualvln_says_actions_or_a_way(
     with upstream("dualvln", directory) as url:
         steps = driven("DualVLN", directory, monkeypatch, capsys, url=url)
     assert [action for action, _, _ in steps] == ["MOVE"] * 3 + ["TRAJECTORY"] * 6 + ["MOVE", "STOP"]
+
+
+def test_unigoal_finds_what_the_photograph_shows_and_stops_there(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with upstream("unigoal", directory) as url:
+        served = url.replace("http", "ws")
+        steps = tried("UniGoal", served, directory, monkeypatch, capsys, starts="5,6")
+    actions = [action for action, _, _ in steps]
+    assert set(actions) <= {"MOVE_FORWARD", "TURN_LEFT", "TURN_RIGHT", "STOP"}
+    assert actions.count("STOP") == 2

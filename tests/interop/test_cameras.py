@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import av
@@ -17,6 +18,10 @@ from tests.interop.test_bag_messages import turned
 from tests.robots.test_cameras import record_of_cameras
 from tests.shared_records import write_copy
 from vsnbench.interop.bag_messages import optical_turn
+from vsnbench.report.analysis.conditions import Selection
+from vsnbench.results.files.directory import ResultsDirectory
+from vsnbench.web.results_browser import single_file
+from vsnbench.web.results_browser.single_file import write_single_file
 
 FOLDER = Path("episodes") / "000001"
 TOPICS = {
@@ -119,10 +124,28 @@ def test_a_bundle_has_the_images_of_each_camera(results: Path, tmp_path: Path) -
     assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
-def test_a_website_has_the_images_of_each_camera_and_a_single_file_those_of_the_main_one(
-    results: Path, tmp_path: Path
+def test_a_website_and_a_single_file_have_the_images_of_each_camera(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = ["report", "--website", str(tmp_path / "site"), "--without-videos"]
     assert vsnbench(results, *words).returncode == 0
     names = {file.stem for file in (tmp_path / "site/images/1").iterdir()}
     assert names == {f"{number}{suffix}" for number in range(1, 5) for suffix in ("", "-left", "-rear")}
+    rooms, every = [], single_file._every
+    monkeypatch.setattr(single_file, "_every", lambda shown, most: rooms.append(most) or every(shown, most))
+    pictures, cameras = written(results, tmp_path / "results.html")
+    assert (set(pictures), cameras) == (names, "all")
+    for_main = sum(len(picture) + 100 for name, picture in pictures.items() if "-" not in name)
+    monkeypatch.setattr(single_file, "MAX_BYTES", single_file.MAX_BYTES - rooms[0] + for_main)
+    pictures, cameras = written(results, tmp_path / "results.html")
+    assert (set(pictures), cameras) == ({"1", "2", "3", "4"}, "main")
+
+
+def written(results: Path, file: Path) -> tuple[dict[str, str], str]:
+    """Write a single file; return the pictures of its episode, and of which cameras it says it has some."""
+    write_single_file(ResultsDirectory.locate(results, None), Selection(), file)
+    page = file.read_text(encoding="utf-8")
+    pictures, cameras = re.search(r'id="images/1">(.*?)</script>', page), re.search(r'data-cameras="(\w+)"', page)
+    assert pictures
+    assert cameras
+    return json.loads(pictures[1]), cameras[1]

@@ -46,8 +46,9 @@ def write_single_file(
 ) -> WrittenWebsite:
     """Write report, episodes, notes and images as one page of at most `MAX_BYTES`; an earlier one is replaced.
 
-    If not all images fit, those of every second action are written, or of every third, and so on, and always the last
-    one of each episode. Films and videos are left out.
+    If not all images fit, those of further cameras are left out. If the others still do not fit, those of every second
+    action are written, or of every third, and so on, and always the last one of each episode. Films and videos are left
+    out.
 
     Args:
         results: the results directory.
@@ -82,6 +83,11 @@ def write_single_file(
             data[path] = content
     size = sum(map(len, data.values())) + sum(len(text) for text in _scripts()) + 50_000
     every = _every(images.values(), MAX_BYTES - size)
+    has_further = any(_is_further(name) for pictures in images.values() for name in pictures)
+    if is_cut := has_further and every > 1:
+        for number, pictures in images.items():
+            images[number] = {name: picture for name, picture in pictures.items() if not _is_further(name)}
+        every = _every(images.values(), MAX_BYTES - size)
     written = 0
     for number, pictures in images.items():
         kept = {name: pictures[name] for name in _kept(list(pictures), every)}
@@ -89,7 +95,7 @@ def write_single_file(
         data[f"images/{number}"] = json_bytes(
             {name: f"data:image/webp;base64,{base64.b64encode(picture).decode()}" for name, picture in kept.items()}
         )
-    write_atomic(file, _single_page(data, every).encode())
+    write_atomic(file, _single_page(data, every, only_main=is_cut).encode())
     return WrittenWebsite(file, count, written, 0, (), every)
 
 
@@ -102,7 +108,12 @@ def _scripts() -> list[str]:
     return [(ASSETS / name[1]).read_text(encoding="utf-8") for name in _LINKED.finditer(page) if name[1]]
 
 
-def _single_page(data: dict[str, bytes], every: int) -> str:
+def _is_further(name: str) -> bool:
+    """Return whether a picture is one of a further camera: its name has the role after the number of the action."""
+    return "-" in name
+
+
+def _single_page(data: dict[str, bytes], every: int, *, only_main: bool) -> str:
     """Return the page with its style, its scripts, and what a server would answer as blocks of JSON."""
     script = "\n".join(_scripts())
     own = re.search(r"<script>(.*?)</script>", json.loads(data["report.html"]), re.DOTALL)  # also within this page
@@ -112,7 +123,8 @@ def _single_page(data: dict[str, bytes], every: int) -> str:
     )
     page = _LINKED.sub("", front_page(f"script-src {hashes}; style-src 'unsafe-inline'; img-src data:"))
     style = style_sheet() + (ASSETS / "browse.css").read_text(encoding="utf-8")
-    page = page.replace("<html ", f'<html data-static="single" data-every="{every}" ')
+    cameras = "main" if only_main else "all"
+    page = page.replace("<html ", f'<html data-static="single" data-every="{every}" data-cameras="{cameras}" ')
     page = page.replace("<title>", f'{_MARK}\n<link rel="icon" href="data:,">\n<style>{style}</style>\n<title>')
     blocks = "".join(
         f'<script type="application/json" id="{path}">{content.decode()}</script>\n' for path, content in data.items()

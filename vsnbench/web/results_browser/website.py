@@ -196,7 +196,6 @@ def contents(
             if not with_films:
                 for step in episode["steps"]:
                     step["film"] = []
-                    step.pop("cameras", None)
             has_images = False
             for name, content in _pictures(results, recorded.images_directory, episode, picture):
                 has_images = True

@@ -249,7 +249,8 @@ async function begin() {
     say(error.message);
     return;
   }
-  document.getElementById("title").textContent = every > 1 ? `${session.title}: pictures of every ${every}. action` : session.title;
+  const left = [every > 1 ? `pictures of every ${every}. action` : "", hasFurther ? "" : "pictures of the main camera only"].filter(Boolean);
+  document.getElementById("title").textContent = left.length ? `${session.title}: ${left.join(", ")}` : session.title;
   if (session.report) document.querySelector("header nav").prepend(make("a", { href: session.report }, "Report"));
   addEventListener("hashchange", show);
   addEventListener("keydown", onKey);

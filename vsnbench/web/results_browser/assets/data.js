@@ -6,6 +6,7 @@
 const isStatic = document.documentElement.hasAttribute("data-static");
 const isSingle = document.documentElement.dataset.static === "single";
 const every = Number(document.documentElement.dataset.every ?? 1); // a single file may have every nth picture
+const hasFurther = document.documentElement.dataset.cameras !== "main"; // or only those of the main camera
 const KEPT_EPISODES = 12;
 const session = { csrf_token: "", author: "", title: "" };
 const provided = new Map();

@@ -16,7 +16,7 @@ class Player {
     this.plan = new Plan(episode, track);
     this.image = make("img", { alt: "", class: "camera" });
     this.none = make("p", { class: "dim none", hidden: true }, "No image of this step.");
-    const roles = new Set(episode.row.has_images ? episode.steps.flatMap((step) => step.cameras ?? []) : []);
+    const roles = new Set(episode.row.has_images && hasFurther ? episode.steps.flatMap((step) => step.cameras ?? []) : []);
     this.views = new Map([...roles].map((role) => [role, { image: make("img", { alt: "" }), caption: make("figcaption", { class: "small" }) }]));
     this.other = make("figcaption", { class: "dim small", hidden: true });
     this.action = make("p", { class: "action" });

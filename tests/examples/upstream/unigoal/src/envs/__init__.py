@@ -1,0 +1,2 @@
+def construct_envs(args):
+    raise AssertionError("upstream makes an environment of Habitat here")
