@@ -32,11 +32,13 @@ SETTINGS = {
 
 
 @contextmanager
-def process(*command: str, port: int, cwd: Path, python: str = sys.executable) -> Iterator[None]:
+def process(
+    *command: str, port: int, cwd: Path, python: str = sys.executable, patience_s: float = PATIENCE_S
+) -> Iterator[None]:
     with (cwd / "server.log").open("ab") as log:
         started = subprocess.Popen([python, *command], cwd=cwd, stderr=log, stdout=log)
     try:
-        await_port(port, started)
+        await_port(port, started, patience_s)
         yield
     finally:
         started.kill()

@@ -10,14 +10,15 @@ its settings and vsnbench_policy.py.
 """
 
 import argparse
-import importlib
+import ctypes
+import importlib.util
 import re
 import runpy
 import shutil
-import subprocess
 import sys
 import types
 from abc import ABCMeta
+from contextlib import suppress
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -51,7 +52,10 @@ def random_weights():
 
 def torchvision_without_cuda():
     """Define the operators of a torchvision whose wheel has them for CUDA only; it cannot be imported without them."""
-    if subprocess.run([sys.executable, "-c", "import torchvision"], capture_output=True, check=False).returncode == 0:
+    place = Path(importlib.util.find_spec("torchvision").submodule_search_locations[0])
+    with suppress(OSError):  # that it looks for libcudart
+        for file in place.glob("_C*.so"):
+            ctypes.CDLL(str(file))
         return None
     library = torch.library.Library("torchvision", "DEF")
     for name in ("nms", "qnms"):

@@ -36,7 +36,8 @@ def upstream(name: str, directory: Path) -> Iterator[str]:
     """Run one of upstream's servers; yield its address."""
     port, place = free_port(), directory / "upstream"
     lay_out(place)
-    with process(str(RUN), name, CHECKOUTS, "--port", str(port), port=port, cwd=place, python=PYTHON):
+    words = (str(RUN), name, CHECKOUTS, "--port", str(port))
+    with process(*words, port=port, cwd=place, python=PYTHON, patience_s=1000.0):  # it imports torch and more
         yield f"http://127.0.0.1:{port}"
 
 

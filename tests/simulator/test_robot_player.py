@@ -98,4 +98,4 @@ def test_only_watched_cameras_are_rendered(outlet: Outlet) -> None:
     several = profile.model_copy(update={"camera": small, "cameras": sides})
     player = RobotPlayer(ROOM, several, SimulationOptions(), outlet, 30.0, 0.6)
     for watched in ({CameraRole.FRONT}, {CameraRole.LEFT}, {CameraRole.FRONT, CameraRole.LEFT, CameraRole.REAR}):
-        assert set(player._picture(frozenset(watched)).cameras) == watched - {CameraRole.FRONT}
+        assert set(player._images(frozenset(watched))) == watched

@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -59,8 +59,6 @@ class CameraImages:
     """(H, W), 0 out of range."""
     instances: npt.NDArray[np.uint16]
     """(H, W) 1-based index of the site's object; 0 for the building."""
-    cameras: "Mapping[CameraRole, CameraImages]" = field(default_factory=dict)
-    """Those of the further cameras that have a receiver."""
 
 
 class RobotOutlet(Protocol):
@@ -87,8 +85,8 @@ class RobotOutlet(Protocol):
     def watched_cameras(self) -> frozenset[CameraRole]:
         """Roles of the cameras whose images have a receiver; only those are rendered."""
 
-    def publish_picture(self, picture: CameraImages) -> None:
-        """Called with each set of images."""
+    def publish_images(self, images: Mapping[CameraRole, CameraImages]) -> None:
+        """Called with the images of the watched cameras."""
 
 
 class RobotPlayer:
@@ -226,16 +224,15 @@ class RobotPlayer:
         due_s = time.monotonic()
         while not self._closed.is_set():
             if watched := self._outlet.watched_cameras():
-                self._outlet.publish_picture(self._picture(watched))
+                self._outlet.publish_images(self._images(watched))
             due_s = max(due_s + period_s, time.monotonic() - period_s)
             time.sleep(max(due_s - time.monotonic(), 0))
 
-    def _picture(self, watched: frozenset[CameraRole]) -> CameraImages:
+    def _images(self, watched: frozenset[CameraRole]) -> dict[CameraRole, CameraImages]:
         with self._lock:
             pose, attitude, now_s = self._base.pose, self._base.attitude, self._base.now_s
-        further = {role: camera for role, camera in self._profile.cameras.items() if role in watched}
-        cameras = {role: self._images_of(camera, pose, attitude, now_s) for role, camera in further.items()}
-        return replace(self._images_of(self._profile.camera, pose, attitude, now_s), cameras=cameras)
+        cameras = {CameraRole.FRONT: self._profile.camera, **self._profile.cameras}
+        return {role: self._images_of(cameras[role], pose, attitude, now_s) for role in cameras if role in watched}
 
     def _images_of(self, camera: Camera, pose: Pose, attitude: Attitude, now_s: float) -> CameraImages:
         frame = self._renderer.render(camera, pose, attitude)

@@ -35,8 +35,8 @@ def free_port() -> int:
         return port
 
 
-def await_port(port: int, process: subprocess.Popen[bytes] | None = None) -> None:
-    give_up = time.monotonic() + PATIENCE_S
+def await_port(port: int, process: subprocess.Popen[bytes] | None = None, patience_s: float = PATIENCE_S) -> None:
+    give_up = time.monotonic() + patience_s
     while time.monotonic() < give_up:
         with socket.socket() as probe:
             probe.settimeout(0.2)

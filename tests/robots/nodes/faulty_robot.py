@@ -6,6 +6,7 @@
 
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from vsnbench.robots.profiles import load_profile
 from vsnbench.simulator.robot_player import CameraImages, SimulationOptions
 from vsnbench.sites.site import load_site
+from vsnbench.values.camera import CameraRole
 
 MINIMUM_RANGE_MM = 600
 AHEAD_S = 10.0
@@ -42,8 +44,9 @@ class FaultyRobotNode(SimulatedRobot):
         self._frozen: Any = None
         super().__init__(*arguments)
 
-    def publish_picture(self, picture: CameraImages) -> None:
-        """Publish a picture with the current fault."""
+    def publish_images(self, images: Mapping[CameraRole, CameraImages]) -> None:
+        """Publish the main camera's images with the current fault."""
+        picture = images[CameraRole.FRONT]
         fault, depth_mm, rgb = self.fault, picture.depth_mm, picture.rgb
         if not fault.startswith("frozen"):
             self._frozen = None
@@ -65,7 +68,7 @@ class FaultyRobotNode(SimulatedRobot):
         elif fault == "minimum range":
             depth_mm = np.where(depth_mm < MINIMUM_RANGE_MM, 0, depth_mm).astype(np.uint16)
         stamp_s = picture.stamp_s + (AHEAD_S if fault == "ahead" else 0)
-        super().publish_picture(replace(picture, depth_mm=depth_mm, rgb=rgb, stamp_s=stamp_s))
+        super().publish_images({CameraRole.FRONT: replace(picture, depth_mm=depth_mm, rgb=rgb, stamp_s=stamp_s)})
 
     def _image_message(self, pixels: Any, encoding: str, *others: Any) -> Any:
         return super()._image_message(pixels, "32FC1" if pixels.dtype == np.float32 else encoding, *others)

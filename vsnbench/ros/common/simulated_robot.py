@@ -2,6 +2,7 @@
 
 import json
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 import numpy.typing as npt
@@ -128,16 +129,18 @@ class SimulatedRobotTask(NodeTask, RobotOutlet):
             if any(publisher is not None and self._subscribers(publisher) for publisher in publishers)
         )
 
-    def publish_picture(self, picture: CameraImages) -> None:
-        """Publish the images and calibrations of the cameras."""
-        stamp_s = picture.stamp_s
-        if self._subscribers(self._instances):
-            self._instances.publish(self._image_message(picture.instances, "16UC1", stamp_s, self.depth_frame))
-        main = (self._color, self._color_info, self._depth, self._depth_info)
-        self._publish_images(main, picture, self.profile.camera, self.color_frame, self.depth_frame)
-        for role, seen in picture.cameras.items():
-            frame = f"{role}_camera_optical_frame"
-            self._publish_images(self._further[role], seen, self.profile.cameras[role], frame, frame)
+    def publish_images(self, images: Mapping[CameraRole, CameraImages]) -> None:
+        """Publish the images and calibrations of cameras."""
+        for role, seen in images.items():
+            if role is CameraRole.FRONT:
+                if self._subscribers(self._instances):
+                    instances = self._image_message(seen.instances, "16UC1", seen.stamp_s, self.depth_frame)
+                    self._instances.publish(instances)
+                main = (self._color, self._color_info, self._depth, self._depth_info)
+                self._publish_images(main, seen, self.profile.camera, self.color_frame, self.depth_frame)
+            else:
+                frame = f"{role}_camera_optical_frame"
+                self._publish_images(self._further[role], seen, self.profile.cameras[role], frame, frame)
 
     def _publish_images(
         self, publishers: tuple[Any, ...], seen: CameraImages, camera: Camera, color_frame: str, depth_frame: str
