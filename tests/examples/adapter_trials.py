@@ -112,7 +112,8 @@ def tried(
         site = re.sub(r"^goals:\n(.*\n)*", FREE_POINT, site, flags=re.MULTILINE)
         (directory / "points.yaml").write_text(site, encoding="utf-8")
         runs = runs.replace("examples/goals.yaml", str(directory / "points.yaml"))
-    monkeypatch.chdir(ROOT)
+    runs = runs.replace("examples/goals.yaml", str(ROOT / "examples" / "goals.yaml"))
+    monkeypatch.chdir(directory)  # where a test may have a vsnbench.toml
     monkeypatch.setenv("VSNBENCH_ROBOT", "simulated:turtlebot2@160x120")
     arguments = runs.replace("ws://127.0.0.1:8765", url).split()[1:]
     arguments += ["--starts", starts, "--max-steps", "24", "--results", str(directory / "results")]

@@ -19,6 +19,8 @@ from tests.models.remote.servers import free_port
 
 CHECKOUTS, PYTHON = os.environ.get("VSNBENCH_UPSTREAM", ""), os.environ.get("VSNBENCH_UPSTREAM_PYTHON", "")
 RUN = Path(__file__).with_name("run_upstream.py")
+PATIENCE_S = 600.0
+"""The servers load torch, and say nothing about speed here."""
 pytestmark = pytest.mark.skipif(
     not CHECKOUTS or not PYTHON, reason="needs checkouts of the models' repositories and a Python for them"
 )
@@ -28,6 +30,7 @@ pytestmark = pytest.mark.skipif(
 def directory(tmp_path: Path) -> Path:
     """A directory with the adapters and the server file."""
     lay_out(tmp_path)
+    (tmp_path / "vsnbench.toml").write_text(f"[models]\nact_timeout_s = {PATIENCE_S}\n", encoding="utf-8")
     return tmp_path
 
 
@@ -37,7 +40,7 @@ def upstream(name: str, directory: Path) -> Iterator[str]:
     port, place = free_port(), directory / "upstream"
     lay_out(place)
     words = (str(RUN), name, CHECKOUTS, "--port", str(port))
-    with process(*words, port=port, cwd=place, python=PYTHON, patience_s=1000.0):  # it imports torch and more
+    with process(*words, port=port, cwd=place, python=PYTHON, patience_s=PATIENCE_S):
         yield f"http://127.0.0.1:{port}"
 
 
@@ -46,7 +49,7 @@ def test_two_episodes_with_a_photograph_end_alike(
     algo: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream(algo, directory) as url:
-        steps = driven("NavDP", directory, monkeypatch, capsys, url=url, algo=algo, starts="5,6")
+        steps = driven("NavDP", directory, monkeypatch, capsys, timeout_s=PATIENCE_S, url=url, algo=algo, starts="5,6")
     assert [action for action, _, _ in steps] == (["TRAJECTORY"] * 3 + ["STOP"]) * 2
 
 
@@ -55,7 +58,18 @@ def test_a_planner_without_training_plans_on(
     algo: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream(algo, directory) as url:
-        steps = driven("NavDP", directory, monkeypatch, capsys, "free-point", "8", end="step_limit", url=url, algo=algo)
+        steps = driven(
+            "NavDP",
+            directory,
+            monkeypatch,
+            capsys,
+            "free-point",
+            "8",
+            end="step_limit",
+            timeout_s=PATIENCE_S,
+            url=url,
+            algo=algo,
+        )
     assert {action for action, _, _ in steps} == {"TRAJECTORY"}
 
 
@@ -63,7 +77,9 @@ def test_ddppo_reaches_the_point_with_discrete_actions(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream("ddppo", directory) as url:
-        steps = driven("NavDP", directory, monkeypatch, capsys, "free-point", "8", url=url, algo="ddppo")
+        steps = driven(
+            "NavDP", directory, monkeypatch, capsys, "free-point", "8", timeout_s=PATIENCE_S, url=url, algo="ddppo"
+        )
     actions = [action for action, _, _ in steps]
     assert set(actions) == {"MOVE_FORWARD", "TURN_LEFT", "TURN_RIGHT", "STOP"}
     assert actions.count("MOVE_FORWARD") == 7
@@ -73,7 +89,7 @@ def test_streamvln_says_four_actions_for_an_image(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream("streamvln", directory) as url:
-        steps = driven("StreamVLN", directory, monkeypatch, capsys, url=url)
+        steps = driven("StreamVLN", directory, monkeypatch, capsys, timeout_s=PATIENCE_S, url=url)
     assert [action for action, _, _ in steps] == ["MOVE"] * 9 + ["STOP"]
 
 
@@ -81,7 +97,7 @@ def test_dualvln_says_actions_or_a_way(
     directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream("dualvln", directory) as url:
-        steps = driven("DualVLN", directory, monkeypatch, capsys, url=url)
+        steps = driven("DualVLN", directory, monkeypatch, capsys, timeout_s=PATIENCE_S, url=url)
     assert [action for action, _, _ in steps] == ["MOVE"] * 3 + ["TRAJECTORY"] * 6 + ["MOVE", "STOP"]
 
 

@@ -224,8 +224,8 @@ class SiteGoal(StrictModel):
             raise ValueError("a sequence has no targets: each of its goals has its own")
         if len(self.goals) < LEAST_LEGS:
             raise ValueError("goals has one goal: a sequence has two or more")
-        if self.id in self.legs:
-            raise ValueError(f"goals has {self.id!r}, the sequence itself")
+        if self.id in {goal.id if isinstance(goal, SiteGoal) else goal for goal in self.goals}:
+            raise ValueError(f"goals has {self.id!r}, the sequence itself: remove it")
 
     @property
     def legs(self) -> tuple[str, ...]:
@@ -302,7 +302,7 @@ def check_references(goals: Collection[SiteGoal], site: Any) -> None:
                 errors.append((where, f"the site has no object of category {target.category!r}{hint}"))
             if goal.kind is GoalKind.POINT and target.point is not None and _is_in_wall(site, target.point):
                 x_m, y_m = target.point
-                errors.append((where, f"point [{x_m:g}, {y_m:g}] is in a wall: no robot can stand there"))
+                errors.append((where, f"point [{x_m:g}, {y_m:g}] is in a wall: move it to where a robot can stand"))
         for place, leg in enumerate(goal.goals):
             if problem := _problem_of_leg(leg, categories, [other.id for other in goals]):
                 errors.append((("goals", number, "goals", place), problem))
