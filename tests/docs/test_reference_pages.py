@@ -35,7 +35,6 @@ def glossary(section: str) -> str:
     return text.split(f"\n## {section}\n")[1].split("\n## ")[0]
 
 
-@pytest.mark.slow
 def test_every_table_heading_is_in_the_glossary(results: Path) -> None:
     terms = {
         term
