@@ -5,8 +5,8 @@
 
 The first command writes the processor time of each test to the directory `$PROCESSOR_TIMES` (`.pytest_times` by
 default), the second one the list. A function is slow if its cases together take `SLOW_S` or more. A line without a
-function is a file of which all functions are slow: the fast tests do not even import it. The first test of a file pays for a fixture
-that several share; run both commands again with "not slow and" to find the test that pays for it among the fast ones.
+function is a file of which all functions are slow: the fast tests do not even import it. The first test of a file pays
+for a fixture that several share; run both commands again with "not slow and" to find the fast test that pays then.
 """
 
 import os
