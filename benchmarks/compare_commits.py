@@ -113,7 +113,7 @@ def smallest(trees: tuple[Tree, Tree], rounds: int, trials: int) -> dict[str, tu
                         raise SystemExit(str(failed)) from failed
                     gone.add(name)
                     print(f"{name:30} left out: {failed}")
-            if len(uses) == 2 and (number or "trials" in name):  # noqa: PLR2004
+            if len(uses) == 2 and (number or "trials" in name):
                 pair = taken.setdefault(name if number else "first run, compiling", ([], []))
                 for place, use in uses.items():
                     pair[place].append(use)

@@ -47,7 +47,6 @@ LONGEST = (
     "ros/ros2/test_driving_on.py",
     "ros/ros2/test_faults.py",
     "ros/ros2/test_doctor.py",
-    "ros/ros2/test_run.py",
     "ros/ros2/test_camera_faults.py",
     "ros/ros2/test_hazard_topics.py",
     "cli/robots/test_doctor_hazards.py",
