@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import vsnbench
 from scripts.api_page import api_page
 from scripts.command_outputs import filled, pages
+from scripts.headings_page import headings_page
 from scripts.make_docs import command_reference
 from tests.cli.chromium import chromium_page
 from vsnbench.cli.sites import app
@@ -68,6 +69,10 @@ def test_the_command_reference_is_current() -> None:
 
 def test_the_page_of_the_python_interface_is_current() -> None:
     assert (DOCS / "api.md").read_text(encoding="utf-8") == api_page(), "run make docs"
+
+
+def test_the_page_of_table_headings_is_current() -> None:
+    assert (DOCS / "headings.md").read_text(encoding="utf-8") == headings_page(), "run make docs"
 
 
 @pytest.mark.parametrize("page", list(pages()), ids=relative)

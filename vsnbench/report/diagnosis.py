@@ -186,7 +186,7 @@ def advice(episodes: Sequence[tuple[EpisodeRecord, EpisodeDiagnosis]], max_actio
 
     Args:
         episodes: episodes of one model.
-        max_actions: the protocol's number of actions; None for no limit. The end of a trial that had fewer says nothing.
+        max_actions: the protocol's number of actions; None for no limit. Trials may have had fewer.
     """
     lines: list[str] = []
     for episode, found in episodes:
