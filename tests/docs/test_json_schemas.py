@@ -84,8 +84,8 @@ def test_every_command_with_json_has_a_schema_and_every_schema_a_command() -> No
         "motion-adapter",
     }
     assert set(NAMES) | ELSEWHERE.keys() == commands
-    page = (SCHEMAS.parent / "json.md").read_text(encoding="utf-8")
-    assert set(re.findall(r"\(schemas/([\w-]+)\.json\)", page)) == {path.stem for path in SCHEMAS.glob("*.json")}
+    text = "".join(page.read_text(encoding="utf-8") for page in SCHEMAS.parent.glob("*.md"))
+    assert set(re.findall(r"\(schemas/([\w-]+)\.json\)", text)) == {path.stem for path in SCHEMAS.glob("*.json")}
 
 
 @pytest.mark.parametrize("path", sorted(SCHEMAS.glob("*.json")), ids=lambda path: path.stem)
