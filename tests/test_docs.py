@@ -105,7 +105,6 @@ def website(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-@pytest.mark.slow
 def test_the_website_has_every_page_and_asks_no_other_host(website: Path) -> None:
     pages = {page.stem: page.read_text(encoding="utf-8") for page in website.glob("*.html")}
     assert {page.stem for page in DOCS.glob("*.md")} < set(pages)
@@ -113,7 +112,6 @@ def test_the_website_has_every_page_and_asks_no_other_host(website: Path) -> Non
     assert {name: parts.findall(text) for name, text in pages.items() if parts.findall(text)} == {}
 
 
-@pytest.mark.slow
 @pytest.mark.browser
 def test_the_website_has_a_search_when_it_is_opened_as_files(website: Path) -> None:
     with chromium_page(1280, 800) as page:

@@ -35,7 +35,6 @@ PLAIN = {"n", "part", "real k/n", "rule", "seed", "shortest path", "virtual SR %
 """Headings of columns that functions add, which need no explanation."""
 
 
-@pytest.mark.slow
 def test_the_page_of_headings_knows_every_heading_of_a_table(results: Path) -> None:
     pages = [
         output("report", "--all-tables", "--format", "markdown", "--results", str(results)),
