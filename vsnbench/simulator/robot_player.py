@@ -138,7 +138,7 @@ class RobotPlayer:
 
     def start(self) -> None:
         """Start the threads after a first image, which may take seconds to compile code."""
-        self._picture(frozenset())
+        self._images(frozenset({CameraRole.FRONT}))
         for thread in self._threads:
             thread.start()
 
