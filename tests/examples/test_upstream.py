@@ -21,9 +21,12 @@ CHECKOUTS, PYTHON = os.environ.get("VSNBENCH_UPSTREAM", ""), os.environ.get("VSN
 RUN = Path(__file__).with_name("run_upstream.py")
 PATIENCE_S = 600.0
 """The servers load torch, and say nothing about speed here."""
-pytestmark = pytest.mark.skipif(
-    not CHECKOUTS or not PYTHON, reason="needs checkouts of the models' repositories and a Python for them"
-)
+pytestmark = [
+    pytest.mark.timeout(5 * PATIENCE_S),
+    pytest.mark.skipif(
+        not CHECKOUTS or not PYTHON, reason="needs checkouts of the models' repositories and a Python for them"
+    ),
+]
 
 
 @pytest.fixture
