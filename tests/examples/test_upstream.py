@@ -47,12 +47,15 @@ def upstream(name: str, directory: Path) -> Iterator[str]:
         yield f"http://127.0.0.1:{port}"
 
 
-@pytest.mark.parametrize("algo", ["gnm", "vint", "nomad"])
+@pytest.mark.parametrize(
+    ("algo", "starts"),
+    [("gnm", "5,6"), ("vint", "5,6"), ("nomad", "5,14")],  # NoMaD's random path from 6 ends at a wall
+)
 def test_two_episodes_with_a_photograph_end_alike(
-    algo: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    algo: str, starts: str, directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with upstream(algo, directory) as url:
-        steps = driven("NavDP", directory, monkeypatch, capsys, timeout_s=PATIENCE_S, url=url, algo=algo, starts="5,6")
+        steps = driven("NavDP", directory, monkeypatch, capsys, timeout_s=PATIENCE_S, url=url, algo=algo, starts=starts)
     assert [action for action, _, _ in steps] == (["TRAJECTORY"] * 3 + ["STOP"]) * 2
 
 
