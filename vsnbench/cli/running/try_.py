@@ -13,7 +13,7 @@ from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.options import (
     Protocol,
     configured_option,
-    fit_of,
+    of_models,
     record_option,
     results_directory,
     what_to_keep,
@@ -110,9 +110,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             robot=simulated,
             parameters=load_protocol(protocol),
             model_options=trial.model_options(weights, model_config),
-            device=config.models.device,
-            act_timeout_s=config.models.act_timeout_s,
-            fit=fit_of(config),
+            **of_models(config),
             keep=what_to_keep("", simulated),
         ),
         results=directory or results_directory(results, None),
@@ -149,7 +147,9 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
             for finding in check_policy(policy, profile_of(spec.robot), trying.steps_of_check(decision_s)):
                 findings.append(finding)
                 progress.show("check", len(findings), _CHECKS)
-    whole = spec.parameters.max_actions
+        whole = spec.parameters.max_actions
+        if trying.max_actions(decision_s, whole) != whole:  # its first decisions may have compiled or loaded something
+            decision_s = trying.decision_s(policy, probes=1)
     spec = replace(spec, goals=goals, parameters=spec.parameters.limited_to(trying.max_actions(decision_s, whole)))
     starts = request.starts or trying.first_starts(goals, spec.site)
     request = replace(request, setup=spec, starts=starts).at(request.site, spec.site)

@@ -14,8 +14,8 @@ from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import COUNT, FLAG, NUMBERS, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
-from vsnbench.results.model import END_REASONS
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
+from vsnbench.results.writing.entries import END_REASONS
 from vsnbench.text.sanitize import counted
 from vsnbench.values.robot_identity import IMPORTED
 
@@ -190,7 +190,7 @@ ODOMETRY = Measures(
     Measure(
         "drift_per_m_p95",
         decimals(1, 100),
-        "95th percentile of the same",
+        f"{_PER_METRE}, 95th percentile",
         _middle("drift_per_m", 0.95),
         null=_UNMEASURED,
         heading="95 %",
@@ -200,7 +200,7 @@ ODOMETRY = Measures(
     Measure(
         "drift_m_max",
         decimals(2),
-        "greatest such distance, metres",
+        "greatest distance between the pose by the odometry and the one measured after STOP, metres",
         _middle("drift_m", 1.0),
         null="without measured poses",
         heading="most m",
