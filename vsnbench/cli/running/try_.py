@@ -164,7 +164,8 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
         episodes = sorted(list_episodes(engine, wanted), key=lambda episode: episode.id)
         latest = {(episode.goal, episode.start): episode.id for episode in episodes if episode.start in starts}
         trials = [diagnose(engine, number) for number in latest.values()]
-    commands = _commands(request, root)
+    failed = any(not finding.passed for finding in findings) or any(episode.outcome == "void" for episode, _ in trials)
+    commands = _commands(request, root, again=failed)
     if as_json:
         rows = [as_fields(episode, found) for episode, found in trials]
         checks = [asdict(finding) for finding in findings]
@@ -173,20 +174,20 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
     else:
         title = f"{card.name} with {', '.join(sorted(card.sensors)) or 'no sensors'}"
         _print(title, findings, trials, whole, commands)
-    failed = any(not finding.passed for finding in findings) or any(episode.outcome == "void" for episode, _ in trials)
     return 1 if failed else 0
 
 
-def _commands(request: "RunRequest", root: Path | None) -> dict[str, str]:
-    """Return the commands that open the film and that run a campaign."""
+def _commands(request: "RunRequest", root: Path | None, *, again: bool) -> dict[str, str]:
+    """Return the commands that open the film, and that run a campaign or, for a model with a fault, try it again."""
     directory = "" if root is None or root == Path.cwd() else f"cd {shlex.quote(str(root))} && "
     options = "".join(
         f" --{name.replace('_', '-')} {shlex.quote(str(value))}" for name, value in request.setup.model_options.items()
     )
     goal = shlex.quote(",".join(request.setup.goals))
+    verb = "try" if again else "run --model"
     return {
         "film": f"vsnbench browse{request.results.options}",
-        "next": f"{directory}vsnbench run --model {shlex.quote(request.setup.model)}{options} --goal {goal}",
+        "next": f"{directory}vsnbench {verb} {shlex.quote(request.setup.model)}{options} --goal {goal}",
     }
 
 
