@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.robots.adapter.adapters import PlaneBase, served, socket_adapter, write_profile
+from tests.robots.adapter.adapters import HEIGHT, WIDTH, PlaneBase, served, socket_adapter, write_profile
 from vsnbench.robots.checkup.adapters import socket as adapter
 from vsnbench.robots.checkup.check_up import check_up
 from vsnbench.robots.checkup.result import CheckResult, Health
@@ -140,6 +140,22 @@ def test_a_robot_that_moves_by_itself_has_a_second_driver(
         found = {result.what: result for result in results}
     assert found["second driver"].health is Health.FAILED
     assert "moved 10.0 cm" in found["second driver"].seen
+
+
+def test_depth_that_is_mostly_invalid_is_a_warning(
+    base: PlaneBase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state, empty = base.state, bytes(2 * HEIGHT * WIDTH)
+
+    def blind(*, with_depth: bool = False) -> dict[str, Any]:
+        seen = state(with_depth=with_depth)
+        return seen | {"depth": seen["depth"] | {"data": empty}} if with_depth else seen
+
+    monkeypatch.setattr(base, "state", blind)
+    with served(base) as address:
+        results = check_up(load_profile(write_profile(tmp_path, address)), move=False)
+        (images,) = (result for result in results if result.what == "images")
+    assert (images.health, "depth 0% valid" in images.seen) == (Health.WARNING, True)
 
 
 def test_a_rival_that_the_adapter_names_is_named(base: PlaneBase, tmp_path: Path) -> None:

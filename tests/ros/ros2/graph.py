@@ -70,6 +70,8 @@ class Graph2(ProcessGroup):
     """
     machines: TwoMachines | None = None
     """The robot's machine, on which processes start, and the workstation; None for one machine."""
+    packages: Path | None = None
+    """Directory of the packages of interfaces that were built for a test."""
 
     @property
     def environment(self) -> dict[str, str]:
@@ -93,7 +95,7 @@ class Graph2(ProcessGroup):
             "PYTHONPATH": os.pathsep.join(
                 [
                     *(str(HERE.parents[2]), str(HERE / "stand_ins"), os.environ.get("PYTHONPATH", "")),
-                    str(HERE / "tf_stand_in"),  # the last: a sourced distribution has the real package
+                    *([] if self.packages is None else [str(self.packages)]),
                 ]
             ),
             "PYTHONUNBUFFERED": "1",
@@ -186,9 +188,9 @@ def measured_watchdog() -> Path:
 
 @contextmanager
 def live_graph(
-    directory: Path, *, shares_memory: bool = False, machines: TwoMachines | None = None
+    directory: Path, *, shares_memory: bool = False, machines: TwoMachines | None = None, packages: Path | None = None
 ) -> Iterator[Graph2]:
-    graph = Graph2(directory, shares_memory=shares_memory, machines=machines)
+    graph = Graph2(directory, shares_memory=shares_memory, machines=machines, packages=packages)
     try:
         yield graph
     finally:

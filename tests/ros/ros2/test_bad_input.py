@@ -1,6 +1,7 @@
 """A session refuses a faulty ROS 2 robot before the robot moves."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -64,6 +65,17 @@ def test_without_rclpy_one_line_names_the_package(words) -> None:
     assert "ROS 2 is not installed for this Python (no module rclpy): " in done.stderr
     assert "[ros2]" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["robots", "serve", "turtlebot4"], ["doctor", "--robot", "turtlebot4"]])
+def test_a_middleware_that_is_not_installed_is_named(words, tmp_path) -> None:
+    command = [sys.executable, "-m", "vsnbench.cli.main", *words]
+    environment = os.environ | {"RMW_IMPLEMENTATION": "rmw_other_cpp", "COLUMNS": "300"}
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 1
+    (line,) = (line for line in (done.stdout + done.stderr).splitlines() if "cannot use the middleware" in line)
+    assert "rmw_other_cpp (RMW_IMPLEMENTATION)" in line
+    assert "ros-$ROS_DISTRO-rmw-other-cpp" in done.stdout + done.stderr
 
 
 def test_a_robot_in_another_domain_is_waited_for(refused) -> None:

@@ -115,7 +115,7 @@ def test_a_stopped_workstation_ends_a_movement_for_good(rig: Rig2, movement: str
     row = FaultRow(f"{movement}: workstation stopped", rig.zeroed_after(stop_s), stood_s, result["end_reason"], why)
     rig.table.rows.append(row)
     assert result["completed"] is False
-    assert is_at(rig.robot, stood_at)
+    assert is_at(rig.robot, stood_at), true_pose(rig.robot)
     assert stood_s < STOPS_WITHIN_S
 
 
@@ -134,7 +134,7 @@ def test_a_stopped_node_next_to_the_base_stops_it(rig: Rig2, movement: str) -> N
     stood_at = true_pose(rig.robot)
     resumed_s = signalled(rig, signal.SIGCONT)
     wait_until(lambda: time.monotonic() - resumed_s > 1.0, "the resumed node could act on the old requests")
-    assert is_at(rig.robot, stood_at)
+    assert is_at(rig.robot, stood_at), true_pose(rig.robot)
 
 
 @NEXT_TO_BASE
@@ -158,7 +158,7 @@ def test_a_killed_workstation_leaves_a_base_at_rest(rig: Rig2, movement: str) ->
     zeroed_s, stood_at = rig.zeroed_after(kill_s), true_pose(rig.robot)
     rig.table.rows.append(FaultRow(f"{movement}: workstation killed", zeroed_s, stood_s, "interrupted", ""))
     assert stood_s < STOPS_WITHIN_S
-    assert is_at(rig.robot, stood_at)
+    assert is_at(rig.robot, stood_at), true_pose(rig.robot)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_a_workstation_that_is_gone_leaves_a_base_that_drove_on_at_rest(rig: Rig
         rig.client.popen.send_signal(signal.SIGCONT)
         assert future.result(PATIENCE_S)["completed"] is False
     rig.table.rows.append(FaultRow(f"driving on: workstation {number.name}", rig.zeroed_after(gone_s), stood_s, "", ""))
-    assert is_at(rig.robot, stood_at)
+    assert is_at(rig.robot, stood_at), true_pose(rig.robot)
     assert stood_s < STOPS_WITHIN_S
 
 

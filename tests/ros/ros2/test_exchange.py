@@ -35,7 +35,7 @@ def nodes() -> Iterator[SimpleNamespace]:
             others.append(Ros2Node(name))
             return others[-1]
 
-        yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), theirs=theirs, another=another)
+        yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), node=ours.rclpy, theirs=theirs, another=another)
     for node in (*others, theirs, ours):
         node.close()
     domain.close()
@@ -112,7 +112,7 @@ def test_an_action_succeeds_aborts_is_refused_or_canceled(nodes: SimpleNamespace
 
 
 def test_a_goal_that_is_accepted_too_late_is_canceled(nodes: SimpleNamespace) -> None:
-    from rclpy.action import ActionServer, CancelResponse, GoalResponse
+    from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
     from rclpy.callback_groups import ReentrantCallbackGroup
     from test_msgs.action import Fibonacci
 
@@ -141,6 +141,9 @@ def test_a_goal_that_is_accepted_too_late_is_canceled(nodes: SimpleNamespace) ->
         goal_callback=accept,
         cancel_callback=cancel,
         callback_group=ReentrantCallbackGroup(),
+    )
+    assert ActionClient(nodes.node, Fibonacci, "/late").wait_for_server(60.0), (
+        "discovery may take longer than the limit"
     )
     began_s = time.monotonic()
     with pytest.raises(ModelLostError, match="the action /late does not answer within 2 s"):

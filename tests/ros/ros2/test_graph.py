@@ -1,9 +1,13 @@
 """Faults of types and quality of service on the ROS 2 graph are named before the robot moves."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from tests.ros.ros2.wire import STAMPED, TWIST, base, qos
-from vsnbench.ros.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
+from vsnbench.ros.ros2 import graph
+from vsnbench.ros.ros2.graph import Graph, bases_of, command_fault, hash_fault, incompatibility, type_fault
 
 
 def test_only_the_simulated_robot_among_own_nodes_is_a_base() -> None:
@@ -64,3 +68,24 @@ def test_a_topic_of_another_type_or_another_definition_is_named() -> None:
     assert "/camera has another definition" in hash_fault("/image", "RIHS01_cd", [publisher])
     assert hash_fault("/image", "RIHS01_ab", [publisher]) == ""
     assert hash_fault("/image", "", [publisher]) == ""
+
+
+def publisher(node: str) -> Any:
+    """Return a publisher as rclpy reports it; its identifier is its name."""
+    return SimpleNamespace(
+        node_namespace="/", node_name=node, topic_type=TWIST, qos_profile=qos(), endpoint_gid=list(node.encode())
+    )
+
+
+def test_a_message_without_its_publisher_is_from_the_only_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    publishers = [publisher("base")]
+    asked = SimpleNamespace(get_publishers_info_by_topic=lambda _: publishers)
+    of_jazzy, of_kilted = {"source_timestamp": 1}, {"publisher_gid": {"data": b"rival"}}
+    seen = Graph(SimpleNamespace(rclpy=asked))
+    now_s = [100.0]
+    monkeypatch.setattr(graph, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    assert seen.sender("/odom", of_jazzy) == "/base"
+    publishers.append(publisher("rival"))
+    assert seen.sender("/odom", of_kilted) == "/rival"
+    now_s[0] += 1.0
+    assert seen.sender("/odom", of_jazzy) == ""

@@ -19,12 +19,11 @@ JUDGED = """
 """
 
 
-def profile_with_adapter(directory: Path) -> Path:
+def profile_with_adapter(directory: Path, tolerances: str = "position_m: 0.01, turn_deg: 0.5") -> Path:
     path = directory / "robot.yaml"
     adapter = '  kind: ros2\n  command: ""\n  discrete_move: motion_adapter\n'
     text = PROFILE.read_text(encoding="utf-8").replace("  kind: ros2\n", adapter)
-    tolerances = "tolerances: {position_m: 0.01, turn_deg: 0.5}\n"
-    path.write_text(text.replace("interface:\n", f"{tolerances}interface:\n"), encoding="utf-8")
+    path.write_text(text.replace("interface:\n", f"tolerances: {{{tolerances}}}\ninterface:\n"), encoding="utf-8")
     return path
 
 

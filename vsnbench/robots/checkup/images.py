@@ -26,9 +26,9 @@ from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import LEVEL, Attitude
 from vsnbench.values.robot_profile import RobotProfile
 
-_MAX_HOLES = 0.4
+MAX_HOLES = 0.4
 """A larger share of invalid depth is a warning."""
-_HOLES_ADVICE = "check for close objects, sunlight and a dirty lens"
+HOLES_ADVICE = "check for close objects, sunlight and a dirty lens"
 _LARGE_REGION = 0.25
 """A smaller region may be an object in front of the robot; `--move` tells them apart."""
 Read = Callable[[str, bytes], Any]
@@ -156,8 +156,8 @@ def _further_depth_results(camera: Camera, frames: list[DepthImage]) -> Iterator
         yield CheckResult("depth range", Health.FAILED, fault, WRONG_UNIT)
     invalid = share_invalid(median_depth_m(frames, camera.depth_min_m, camera.depth_max_m))
     seen = f"{invalid:.0%} of the pixels after the median of {len(frames)}"
-    if invalid > _MAX_HOLES:
-        yield CheckResult("depth invalid", Health.WARNING, seen, _HOLES_ADVICE)
+    if invalid > MAX_HOLES:
+        yield CheckResult("depth invalid", Health.WARNING, seen, HOLES_ADVICE)
     else:
         yield CheckResult("depth invalid", Health.OK, seen)
 
@@ -179,8 +179,8 @@ def _depth_results(profile: RobotProfile, frames: list[DepthImage]) -> Iterator[
     elif evidence.hides_something and (region := _unmeasured(frames)).share >= _LARGE_REGION:
         seen += f"; {region.text} is always invalid: no forward move is possible"
         yield CheckResult("depth invalid", Health.FAILED, seen, _region_advice(profile))
-    elif evidence.hides_something or after > _MAX_HOLES:
-        yield CheckResult("depth invalid", Health.WARNING, seen, _HOLES_ADVICE)
+    elif evidence.hides_something or after > MAX_HOLES:
+        yield CheckResult("depth invalid", Health.WARNING, seen, HOLES_ADVICE)
     else:
         yield CheckResult("depth invalid", Health.OK, seen)
 

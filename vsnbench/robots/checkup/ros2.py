@@ -29,7 +29,7 @@ from vsnbench.robots.ros.watchdog import (
 from vsnbench.ros.common.robot_link import RobotLink
 from vsnbench.ros.ros2.docking import Dock, subscribe_dock
 from vsnbench.ros.ros2.graph import bases_of, command_fault, hash_fault, incompatibility, type_fault
-from vsnbench.ros.ros2.installation import INSTALL, discovery, missing_packages
+from vsnbench.ros.ros2.installation import discovery, require_ros2
 from vsnbench.ros.ros2.interface import VELOCITIES, Ros2Interface, ros2_interface
 from vsnbench.ros.ros2.readiness import card_of_mover
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
@@ -64,8 +64,10 @@ class Ros2Checkup(RosCheckup):
         self._others: list[str] = []
 
     def _connect(self) -> Generator[CheckResult, None, bool]:
-        if missing := missing_packages():
-            yield CheckResult("ROS 2", Health.FAILED, f"no Python module {missing[0]}", INSTALL)
+        try:
+            require_ros2()
+        except RobotError as error:
+            yield CheckResult("ROS 2", Health.FAILED, error.statement, error.advice)
             return False
         distribution = os.environ.get("ROS_DISTRO", "")
         yield CheckResult("ROS 2", Health.OK, f"installed{f', {distribution}' if distribution else ''}")
@@ -180,7 +182,9 @@ class Ros2Checkup(RosCheckup):
 
     def _topic_fault(self, topic: str, kind: str, bad: Health) -> CheckResult | None:
         graph = self.listener.graph
-        publishers, senders = graph.publishers(topic), self.messages[topic].senders
+        publishers = graph.publishers(topic)
+        # Without a sender per message (Jazzy): nodes that were killed stay in the graph for some seconds.
+        senders = self.messages[topic].senders or {publisher.node for publisher in publishers}
         ours = next((node.type_hash for node in graph.subscribers(topic) if node.is_own), "")
         if (fault := type_fault(topic, kind, publishers)) is not None:
             return CheckResult(topic, bad, fault.statement, fault.advice)

@@ -1,5 +1,7 @@
 """Publishers and subscribers on the ROS 2 graph: their types and quality of service, and checks of them."""
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
@@ -15,6 +17,7 @@ _OWN_NODES = ("vsnbench", "vsnbench_doctor", "discrete_move", "simulated_robot")
 _RELIABLE, _LASTING = "RELIABLE", "TRANSIENT_LOCAL"
 _FOR_EVER_NS = 365 * 24 * 3600 * 10**9
 """The middleware reports longer durations where there is no limit."""
+_ASKED_EVERY_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,7 @@ class Graph:
     def __init__(self, node: "Ros2Node") -> None:
         self._node = node
         self._labels: dict[bytes, str] = {}
+        self._only: dict[str, tuple[float, bytes]] = {}  # time at which a topic had this publisher alone
 
     def publishers(self, topic: str) -> list[Endpoint]:
         """Return the publishers of a topic."""
@@ -155,9 +159,13 @@ class Graph:
     def sender(self, topic: str, info: Any) -> str:
         """Return the node that published a message, or an empty string while it is unknown.
 
-        A number distinguishes two nodes of the same name.
+        A number distinguishes two nodes of the same name. Before Kilted, rclpy does not say who published a message: it
+        is the only publisher of the topic, and unknown if there are several.
         """
-        gid = bytes(info["publisher_gid"]["data"])
+        named = info.get("publisher_gid")
+        gid = bytes(named["data"]) if named else self._only_publisher(topic)
+        if not gid:
+            return ""
         if gid not in self._labels:
             publishers = self.publishers(topic)
             name = next((endpoint.node for endpoint in publishers if endpoint.gid == gid), "")
@@ -169,6 +177,16 @@ class Graph:
             labels = chain([name], (f"{name} (no. {number})" for number in count(2)))
             self._labels[gid] = next(label for label in labels if label not in in_use)
         return self._labels[gid]
+
+    def _only_publisher(self, topic: str) -> bytes:
+        """Return the only publisher of a topic, asked for once in a period, or nothing if there are several."""
+        now_s = time.monotonic()
+        asked_s, gid = self._only.get(topic, (-math.inf, b""))
+        if now_s - asked_s > _ASKED_EVERY_S:
+            found = self.publishers(topic)
+            gid = found[0].gid if len(found) == 1 else b""
+            self._only[topic] = now_s, gid
+        return gid
 
 
 def _endpoint(info: Any) -> Endpoint:

@@ -5,6 +5,8 @@ The rclpy of a sourced distribution (/opt/ros/...) takes precedence over pip's w
 
 import importlib
 import os
+import subprocess
+import sys
 from typing import Any
 
 from vsnbench.errors import RobotError
@@ -30,7 +32,7 @@ def require_ros2() -> None:
     """Make sure that ROS 2 can be imported.
 
     Raises:
-        RobotError: ROS 2 is not installed.
+        RobotError: ROS 2 is not installed, or not with the middleware that RMW_IMPLEMENTATION names.
     """
     if missing := missing_packages():
         raise RobotError(
@@ -42,6 +44,8 @@ def require_ros2() -> None:
             advice="open a shell without that setup.bash",
             code="wrong-ros",
         )
+    if (wanted := os.environ.get("RMW_IMPLEMENTATION", "")) and "rclpy.node" not in sys.modules:
+        _require_middleware(wanted)
     try:
         importlib.import_module("rclpy.node")
     except ImportError as error:
@@ -51,6 +55,17 @@ def require_ros2() -> None:
             advice=f"it may belong to another Python: {INSTALL}",
             code="ros-not-installed",
         ) from error
+
+
+def _require_middleware(wanted: str) -> None:
+    """Make sure that rclpy can be imported with a middleware: without it, rcl ends the process that imports it."""
+    if subprocess.run([sys.executable, "-c", "import rclpy.node"], capture_output=True, check=False).returncode != 0:
+        package = f"ros-$ROS_DISTRO-{wanted.replace('_', '-')}"
+        raise RobotError(
+            f"the ROS 2 of this Python cannot use the middleware {wanted} (RMW_IMPLEMENTATION)",
+            advice=f"unset it (pip's wheels have Fast DDS alone), or source a distribution with {package}",
+            code="no-middleware",
+        )
 
 
 def discovery() -> str:

@@ -9,17 +9,16 @@ import threading
 from vsnbench.ros.ros2.installation import require_ros2
 
 require_ros2()
-import tf2_msgs.msg
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
 
 from vsnbench.ros.ros2.node import LATCHED, RELIABLE, SENSOR_DATA, Ros2Node
 
-message_of = getattr(tf2_msgs.msg, "message_of", lambda links: tf2_msgs.msg.TFMessage(transforms=links))
 node = Ros2Node("tf_broadcaster")
 make = node.rclpy
-moving = make.create_publisher(tf2_msgs.msg.TFMessage, "/tf", RELIABLE)
-fixed = make.create_publisher(tf2_msgs.msg.TFMessage, "/tf_static", LATCHED)
+moving = make.create_publisher(TFMessage, "/tf", RELIABLE)
+fixed = make.create_publisher(TFMessage, "/tf_static", LATCHED)
 
 
 def link(parent: str, child: str) -> TransformStamped:
@@ -32,13 +31,13 @@ def on_odometry(message: Odometry) -> None:
     moved, pose = link("odom", "base_footprint"), message.pose.pose
     moved.header.stamp, moved.transform.rotation = message.header.stamp, pose.orientation
     moved.transform.translation.x, moved.transform.translation.y = pose.position.x, pose.position.y
-    moving.publish(message_of([moved]))
+    moving.publish(TFMessage(transforms=[moved]))
 
 
 if "--no-fixed" not in sys.argv:
     mount = link("base_footprint", "base_link")
     mount.transform.translation.z = 0.04
-    fixed.publish(message_of([mount]))
+    fixed.publish(TFMessage(transforms=[mount]))
 make.create_subscription(Odometry, "odom", on_odometry, SENSOR_DATA)
 sys.stdout.write("up\n")
 sys.stdout.flush()

@@ -20,6 +20,7 @@ from vsnbench.robots.adapter.images import observed
 from vsnbench.robots.adapter.interface import adapter_interface
 from vsnbench.robots.adapter.messages import AdapterState, result_in
 from vsnbench.robots.checkup.checks import battery_result, turn_result
+from vsnbench.robots.checkup.images import HOLES_ADVICE, MAX_HOLES
 from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.images.camera_images import share_invalid
 from vsnbench.values.encoding.motion_answer import MotionRefusal
@@ -152,12 +153,15 @@ class AdapterCheckup:
         except RobotError as error:
             return CheckResult("images", Health.FAILED, error.statement, error.advice)
         camera = image.camera
-        depth = "no depth" if image.depth_m is None else f"depth {1 - share_invalid(image.depth_m):.0%} valid"
+        holes = 0.0 if image.depth_m is None else share_invalid(image.depth_m)
+        depth = "no depth" if image.depth_m is None else f"depth {1 - holes:.0%} valid"
         seen = f"{camera.width}x{camera.height}, {depth}, in {took_s:.2f} s"
         if (late_s := before.stamp_s - image.stamp_s) > _REACTION_S:
             seen = f"{seen}; {late_s:.2f} s older than the odometry before the request"
             advice = "answer `observe` with new images, stamped by the clock of the odometry"
             return CheckResult("images", Health.FAILED, seen, advice)
+        if holes > MAX_HOLES and connection.card.simulation is None:  # a simulated robot has no place yet
+            return CheckResult("images", Health.WARNING, seen, HOLES_ADVICE)
         return CheckResult("images", Health.OK, seen)
 
     def _turn_results(self, connection: AdapterConnection) -> Iterator[CheckResult]:
