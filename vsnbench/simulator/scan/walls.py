@@ -147,7 +147,8 @@ def _grown(cells: Bools, steps: int) -> Bools:
     """Return cells with all that are at most so many steps away."""
     import cv2
 
-    return cv2.dilate(cells.astype(np.uint8), np.ones((2 * steps + 1, 2 * steps + 1), np.uint8)) > 0
+    side = 2 * steps + 1
+    return np.asarray(cv2.dilate(cells.astype(np.uint8), np.ones((side, side), np.uint8)) > 0, np.bool_)
 
 
 def _closed(occupied: Bools) -> Bools:
@@ -155,7 +156,8 @@ def _closed(occupied: Bools) -> Bools:
     import cv2
 
     across = round(_THICKEST_M / CELL_M)
-    return cv2.morphologyEx(occupied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((across, across), np.uint8)) > 0
+    closed = cv2.morphologyEx(occupied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((across, across), np.uint8))
+    return np.asarray(closed > 0, np.bool_)
 
 
 def _refined(wall: WallLine, points: Floats, ways: Floats, low_points: Floats) -> WallLine:

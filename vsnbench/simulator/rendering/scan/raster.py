@@ -11,10 +11,69 @@ import numpy as np
 from vsnbench.runtime.numba_cache import compiled
 from vsnbench.simulator.rendering.raster import NEAR_M
 
+CHUNK = 128
+"""Triangles that are tested against the view together."""
+TILE = 16
+"""Side of the squares of pixels whose least inverse depth is known, to leave out hidden chunks."""
 LEVELS = 6
 """Number of sizes of a texture, each half of the one before."""
 _LOW, _HIGH = np.uint32(0x00FF00FF), np.uint32(0x0000FF00)
 _EIGHT, _WHOLE = np.uint32(8), np.uint32(256)
+
+
+@compiled
+def _bounds(eye: Any, axes: Any, focal: Any, centre_x: Any, centre_y: Any, box: Any, bounds: Any) -> None:
+    """Write the first and last column and row that a box (2, 3) covers, and the largest inverse depth; with a margin.
+
+    A box that reaches the near plane covers the image, and nothing hides it.
+    """
+    bounds[0] = bounds[2] = 1e9
+    bounds[1] = bounds[3] = -1e9
+    nearest = 1e9
+    for k in range(8):
+        px = box[k & 1, 0] - eye[0]
+        py = box[(k >> 1) & 1, 1] - eye[1]
+        pz = box[k >> 2, 2] - eye[2]
+        z = axes[2, 0] * px + axes[2, 1] * py + axes[2, 2] * pz
+        if z < 2.0 * NEAR_M:
+            bounds[0] = bounds[2] = 0.0
+            bounds[1] = bounds[3] = 1e9
+            bounds[4] = 1e30
+            return
+        x = centre_x + focal * (axes[0, 0] * px + axes[0, 1] * py + axes[0, 2] * pz) / z
+        y = centre_y + focal * (axes[1, 0] * px + axes[1, 1] * py + axes[1, 2] * pz) / z
+        bounds[0], bounds[1] = min(bounds[0], x), max(bounds[1], x)
+        bounds[2], bounds[3] = min(bounds[2], y), max(bounds[3], y)
+        nearest = min(nearest, z)
+    bounds[0] = min(max(bounds[0] - 1.0, 0.0), 1e9)
+    bounds[2] = min(max(bounds[2] - 1.0, 0.0), 1e9)
+    bounds[1] = min(max(bounds[1] + 1.0, -1.0), 1e9)
+    bounds[3] = min(max(bounds[3] + 1.0, -1.0), 1e9)
+    bounds[4] = 1.0001 / nearest + 1e-6
+
+
+@compiled
+def _is_hidden(nearness: Any, tiles: Any, y0: Any, y1: Any, x0: Any, x1: Any, most: Any) -> bool:
+    """Whether all pixels of some tiles are nearer than a chunk.
+
+    A tile has the least inverse depth of its pixels; negative if something was drawn there since.
+    """
+    height, width = nearness.shape
+    for y in range(y0, y1 + 1):
+        for x in range(x0, x1 + 1):
+            known = tiles[y, x]
+            if abs(known) >= most:
+                continue
+            if known > 0.0:
+                return False
+            least = np.float32(1e30)
+            for row in range(y * TILE, min((y + 1) * TILE, height)):
+                for column in range(x * TILE, min((x + 1) * TILE, width)):
+                    least = min(least, nearness[row, column])
+                if least < most:
+                    return False
+            tiles[y, x] = least
+    return True
 
 
 @compiled
@@ -25,7 +84,7 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
     centre_x: Any,
     centre_y: Any,
     corners: Any,
-    chunk: Any,
+    boxes: Any,
     order: Any,
     nearness: Any,
     seen: Any,
@@ -40,9 +99,10 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
         focal: focal length, pixels.
         centre_x: centre of the image, pixels.
         centre_y: centre of the image, pixels.
-        corners: (T, 3, 3) float32 corners of the triangles.
-        chunk: number of consecutive triangles of a chunk.
-        order: chunks that may be in view, in the order in which they are drawn.
+        corners: (T, 3, 3) float32 corners of the triangles; `CHUNK` consecutive ones are a chunk.
+        boxes: (C, 2, 3) lowest and highest coordinates of each chunk.
+        order: chunks that may be in view, in the order in which they are drawn. One that is behind what is drawn
+            already is left out, which changes no pixel.
         nearness: (H, W) float32, written.
         seen: (H, W) int32, written.
     """
@@ -54,8 +114,19 @@ def draw_triangles(  # noqa: PLR0913 - compiled functions take arrays, not objec
     r00, r01, r02 = axes[0, 0], axes[0, 1], axes[0, 2]
     r10, r11, r12 = axes[1, 0], axes[1, 1], axes[1, 2]
     r20, r21, r22 = axes[2, 0], axes[2, 1], axes[2, 2]
+    tiles = np.zeros(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.float32)
+    bounds = np.empty(5)
     for number in order:
-        for face in range(number * chunk, min((number + 1) * chunk, len(corners))):
+        _bounds(eye, axes, focal, centre_x, centre_y, boxes[number], bounds)
+        # Rows and columns of the tiles that the chunk covers.
+        y0, y1 = max(int(bounds[2]), 0) // TILE, min(int(bounds[3]), height - 1) // TILE
+        x0, x1 = max(int(bounds[0]), 0) // TILE, min(int(bounds[1]), width - 1) // TILE
+        if _is_hidden(nearness, tiles, y0, y1, x0, x1, np.float32(bounds[4])):
+            continue
+        for y in range(y0, y1 + 1):
+            for x in range(x0, x1 + 1):
+                tiles[y, x] = -abs(tiles[y, x])
+        for face in range(number * CHUNK, min((number + 1) * CHUNK, len(corners))):
             behind = 0
             for k in range(3):
                 px = np.float64(corners[face, k, 0]) - eye[0]
