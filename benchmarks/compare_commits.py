@@ -25,12 +25,16 @@ _BARE = """
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
-from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
+try:
+    from vsnbench.sites.site import load_site
+    from vsnbench.values.action import Action
+except ModuleNotFoundError:  # names of an earlier commit
+    from vsnbench.protocol.actions import Action
+    from vsnbench.protocol.site import load_site
 site = load_site("apartment")
 with SimulatedRobot(site, load_profile("turtlebot2")) as robot:
     def turn():
-        if hasattr(robot, "execute"):  # of an earlier commit
+        if hasattr(robot, "execute"):
             return robot.execute(Action.TURN_LEFT)
         return robot.drive(ProtocolParameters().movement_of(Action.TURN_LEFT))
     robot.begin(site.start(1), 0)
@@ -40,6 +44,10 @@ with SimulatedRobot(site, load_profile("turtlebot2")) as robot:
 """
 Use = tuple[float, float, int]
 """Processor seconds, peak MiB, bytes."""
+
+
+class FailedCommandError(Exception):
+    """A command of one of the trees failed."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +72,7 @@ class Tree:
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            raise SystemExit(f"{words} of {self.files}: {(self.work / 'stderr').read_text()[-500:]}")
+            raise FailedCommandError(f"{words[-4:]} of {self.files}: {(self.work / 'stderr').read_text()[-500:]}")
         written = [self.work / "stdout", *(results.rglob("*") if results else ())]
         size = sum(file.stat().st_size for file in written if file.is_file())
         return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, size
@@ -86,15 +94,29 @@ def commands(number: int, trials: int) -> Mapping[str, tuple[list[str], str]]:
 
 
 def smallest(trees: tuple[Tree, Tree], rounds: int, trials: int) -> dict[str, tuple[list[Use], list[Use]]]:
-    """Return the measured values of both trees, by command; the first round compiles and is left out."""
+    """Return the measured values of both trees, by command; the first round compiles and is left out.
+
+    A command that the other commit does not have yet is said and left out.
+    """
     taken: dict[str, tuple[list[Use], list[Use]]] = {}
+    gone: set[str] = set()
     for number in range(rounds + 1):
         for name, (words, results) in commands(number, trials).items():
+            if name in gone:
+                continue
+            uses: dict[int, Use] = {}
             for place in (0, 1) if number % 2 else (1, 0):
-                use = trees[place].measure(words, trees[place].work / results if results else None)
-                if number or "trials" in name:
-                    key = name if number else "first run, compiling"
-                    taken.setdefault(key, ([], []))[place].append(use)
+                try:
+                    uses[place] = trees[place].measure(words, trees[place].work / results if results else None)
+                except FailedCommandError as failed:
+                    if place == 0:
+                        raise SystemExit(str(failed)) from failed
+                    gone.add(name)
+                    print(f"{name:30} left out: {failed}")
+            if len(uses) == 2 and (number or "trials" in name):
+                pair = taken.setdefault(name if number else "first run, compiling", ([], []))
+                for place, use in uses.items():
+                    pair[place].append(use)
     return taken
 
 

@@ -14,6 +14,7 @@ sys.path.insert(0, str(ROOT))
 
 from scripts import command_outputs, json_schemas  # noqa: E402 - importable only after the line above
 from scripts.api_page import api_page  # noqa: E402
+from scripts.headings_page import headings_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
 from scripts.schema_page import schema_page  # noqa: E402
 from vsnbench.files.package_data import resource_directory  # noqa: E402
@@ -47,7 +48,9 @@ def _section(*command: str) -> str:
     title = " ".join(("vsnbench", *command))
     level = "##" if len(command) < 2 else "###"
     text = command_outputs.output_of(f"{title} --help", HELP_COLUMNS)
-    return f"{level} {title}\n\n```text\n{text}\n```\n"
+    schema = f"schemas/{'-'.join(command)}.json"
+    link = f"\n[Schema of `--json`]({schema})\n" if command and (ROOT / "docs" / schema).is_file() else ""
+    return f"{level} {title}\n\n```text\n{text}\n```\n{link}"
 
 
 def draw_figures(folder: Path) -> None:
@@ -79,6 +82,7 @@ def main(docs: Path) -> None:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
+    (docs / "headings.md").write_text(headings_page(), encoding="utf-8")
     json_schemas.main(docs / "schemas")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     _write_newest_sql(resource_directory("migrations") / NEWEST)

@@ -431,7 +431,7 @@ LONG = {
     # Live graphs of ROS 1: the same link, node and faults of ROS 2, of one process, and the cases that stay.
     **_of(
         "robots/test_ros1_run.py",
-        "ros/ros2/test_run.py; golden/test_golden.py",
+        "ros/ros2/test_stack.py; golden/test_golden.py",
         "test_the_stack_in_three_processes_acts_as_the_simulation[lola2]",
         "test_an_unattended_run_records_estimated_distances",
     ),
@@ -634,7 +634,7 @@ LONG = {
     # Live graphs of ROS 1: ROS 2 runs the same with the same code, and a case of ROS 1 stays.
     **_of(
         "robots/test_ros1_run.py",
-        "its case [2-1.0]; ros/ros2/test_run.py; golden/test_golden.py",
+        "its case [2-1.0]; ros/ros2/test_stack.py; golden/test_golden.py",
         "test_the_stack_in_three_processes_acts_as_the_simulation[turtlebot2]",
         "test_an_ended_run_leaves_a_robot_at_rest[15-1.0]",
         "test_an_ended_run_leaves_a_robot_at_rest[9-2.0]",
@@ -1080,7 +1080,7 @@ LONG = {
     ),
     **_of(
         "ros/ros2/test_run.py",
-        "ros/ros2/test_run.py::test_a_killed_run_leaves_a_robot_at_rest, robots/test_rehearsal.py",
+        "ros/ros2/test_stack.py::test_a_killed_run_leaves_a_robot_at_rest, robots/test_rehearsal.py",
         "test_the_rehearsal_takes_the_same_actions_as_the_simulation",
     ),
     **_of(

@@ -13,10 +13,14 @@ from typer.testing import CliRunner
 import vsnbench
 from scripts.api_page import api_page
 from scripts.command_outputs import filled, pages
+from scripts.headings_page import headings_page
 from scripts.make_docs import command_reference
 from tests.cli.chromium import chromium_page
 from vsnbench.cli.sites import app
+from vsnbench.models.remote.vsnbench_policy import WIRE_VERSION
+from vsnbench.robots.adapter.connection import NEWEST_VERSION
 from vsnbench.settings.yaml_text import load_yaml
+from vsnbench.simulator.dynamics.physics import simulator_version
 from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall, Window, parse_site
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -70,6 +74,10 @@ def test_the_page_of_the_python_interface_is_current() -> None:
     assert (DOCS / "api.md").read_text(encoding="utf-8") == api_page(), "run make docs"
 
 
+def test_the_page_of_table_headings_is_current() -> None:
+    assert (DOCS / "headings.md").read_text(encoding="utf-8") == headings_page(), "run make docs"
+
+
 @pytest.mark.parametrize("page", list(pages()), ids=relative)
 def test_outputs_shown_on_a_page_are_current(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
@@ -97,7 +105,6 @@ def website(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-@pytest.mark.slow
 def test_the_website_has_every_page_and_asks_no_other_host(website: Path) -> None:
     pages = {page.stem: page.read_text(encoding="utf-8") for page in website.glob("*.html")}
     assert {page.stem for page in DOCS.glob("*.md")} < set(pages)
@@ -105,7 +112,6 @@ def test_the_website_has_every_page_and_asks_no_other_host(website: Path) -> Non
     assert {name: parts.findall(text) for name, text in pages.items() if parts.findall(text)} == {}
 
 
-@pytest.mark.slow
 @pytest.mark.browser
 def test_the_website_has_a_search_when_it_is_opened_as_files(website: Path) -> None:
     with chromium_page(1280, 800) as page:
@@ -118,6 +124,12 @@ def test_the_website_has_a_search_when_it_is_opened_as_files(website: Path) -> N
         found = page.locator(".md-search-result__item a").evaluate_all("links => links.map(link => link.href)")
         assert any("/protocol.html" in address for address in found)
         assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def test_the_page_on_compatibility_has_the_current_numbers() -> None:
+    page = " ".join((DOCS / "compatibility.md").read_text(encoding="utf-8").split())
+    assert f"now {WIRE_VERSION} of the wire, {NEWEST_VERSION} of motion adapters" in page
+    assert f"now edition {simulator_version().split()[0]}." in page
 
 
 def test_the_citation_has_the_current_version() -> None:

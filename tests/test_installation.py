@@ -62,7 +62,6 @@ def advised(packages: Path, path: str = os.environ["PATH"]) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.slow
 def test_the_advice_of_a_wheel_installs_the_extra_from_another_directory(tmp_path: Path) -> None:
     packages = environment_of(tmp_path / "an environment")
     file = wheel(tmp_path)
@@ -75,7 +74,6 @@ def test_the_advice_of_a_wheel_installs_the_extra_from_another_directory(tmp_pat
     assert advised(packages).endswith("pip install 'vsnbench[video]'"), "the wheel is gone"
 
 
-@pytest.mark.slow
 def test_the_advice_names_pipx_and_uv_where_they_made_the_environment(tmp_path: Path) -> None:
     packages = environment_of(tmp_path / "vsnbench", "--without-pip")
     install(packages, {"dir_info": {"editable": True}, "url": ROOT.as_uri()})
@@ -90,7 +88,6 @@ def test_the_advice_names_pipx_and_uv_where_they_made_the_environment(tmp_path: 
     assert advised(packages) == f"pipx runpip vsnbench install --editable '{ROOT}[video]'"
 
 
-@pytest.mark.slow
 def test_the_advice_of_a_checkout_that_is_not_installed_names_the_checkout(tmp_path: Path) -> None:
     packages = environment_of(tmp_path / "venv", "--without-pip")
     (packages / "shared.pth").write_text(f"{ROOT}\n")
@@ -154,7 +151,6 @@ def package_index() -> Iterator[tuple[str, list[str]]]:
         server.shutdown()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "needed"),
     [("dist", {"build", "twine", "check-wheel-contents"}), ("docs-site", {"mkdocs-material"})],

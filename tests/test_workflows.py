@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 
 from tests.docs.pages import understand
 from tests.long_tests import LONG
+from tests.slow_tests import SLOW
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -75,12 +76,18 @@ def test_the_form_for_bugs_requires_the_doctors_report() -> None:
     assert fields["command"]["validations"]["required"]
 
 
-def test_every_test_of_the_night_exists_and_so_does_the_cheaper_one_of_every_day() -> None:
-    def is_there(name: str) -> bool:
-        place, _, test = name.partition("[")[0].partition("::")
-        file = ROOT / "tests" / place
-        return file.exists() and (not test or f"def {test}(" in file.read_text(encoding="utf-8"))
+def is_there(name: str) -> bool:
+    """Tell whether a test exists: `file`, `file::name` or `file::name[id]`, from `tests`."""
+    place, _, test = name.partition("[")[0].partition("::")
+    file = ROOT / "tests" / place
+    return file.exists() and (not test or f"def {test}(" in file.read_text(encoding="utf-8"))
 
+
+def test_every_test_that_the_fast_ones_leave_out_exists() -> None:
+    assert [name for name in SLOW if not is_there(name)] == []
+
+
+def test_every_test_of_the_night_exists_and_so_does_the_cheaper_one_of_every_day() -> None:
     cheaper = [name for text in LONG.values() for name in re.findall(r"[\w/]+\.py(?:::\w+)?", text)]
     assert [name for name in (*LONG, *cheaper) if not is_there(name)] == []
     assert len(cheaper) > 20

@@ -47,7 +47,6 @@ def type_in(typed: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch) -> Ca
     return type_there
 
 
-@pytest.mark.slow
 def test_a_lab_begins_with_three_commands(type_in: Type, tmp_path: Path) -> None:
     begun = type_in(tmp_path, "init", "lab")
     assert begun.code == 0, begun.err
@@ -77,7 +76,6 @@ def test_config_show_says_where_each_default_comes_from(type_in: Type, tmp_path:
     assert re.search(r"^results +results +built in +VSNBENCH_RESULTS *$", table, re.MULTILINE)
 
 
-@pytest.mark.slow
 def test_a_flag_comes_before_environment_and_file(type_in: Type, tmp_path: Path) -> None:
     (tmp_path / "vsnbench.toml").write_text('site = "nowhere.yaml"\n')
     words = ("run", "--model", "oracle", "--goal", "chair", "--starts", "99")
@@ -88,7 +86,6 @@ def test_a_flag_comes_before_environment_and_file(type_in: Type, tmp_path: Path)
     assert "99" in flagged
 
 
-@pytest.mark.slow
 def test_a_package_begun_with_models_new_passes_its_own_tests(type_in: Type, tmp_path: Path) -> None:
     begun = type_in(tmp_path, "models", "new", "my-model")
     assert begun.code == 0, begun.err
@@ -113,7 +110,6 @@ def test_what_is_next_can_be_typed_also_where_the_directory_has_a_space(type_in:
     )
 
 
-@pytest.mark.slow
 def test_a_run_that_watches_runs_again_when_the_model_changes(type_in: Type, tmp_path: Path) -> None:
     type_in(tmp_path, "models", "new", "spinning")
     here = tmp_path / "spinning"

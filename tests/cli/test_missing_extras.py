@@ -62,7 +62,6 @@ def without(hidden: str, line: str, results: Path) -> "subprocess.CompletedProce
     return subprocess.run(words, cwd=results.parent, capture_output=True, text=True, timeout=200)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("extra", "hidden", "line"), MISSING, ids=lambda part: part.split()[0])
 def test_a_verb_says_which_extra_it_wants(extra: str, hidden: str, line: str, results: Path) -> None:
     answer = without(hidden, line, results)

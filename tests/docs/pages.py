@@ -14,7 +14,7 @@ from vsnbench.cli.main import VERBS, build_app
 from vsnbench.cli.support.words import mark_missing_values
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = ("api.md", "cli.md", "schema.md")
+GENERATED = ("api.md", "cli.md", "headings.md", "schema.md")
 """Pages that `make docs` generates."""
 PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.name not in GENERATED]
 _BLOCK = re.compile(r"^(?:<!-- needs: (?P<needs>.+?) -->\n)?```bash\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)

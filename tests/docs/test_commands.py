@@ -123,7 +123,6 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]
         yield {"XDG_CACHE_HOME": str(directory / "cache"), "PATH": path}
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "page",
@@ -151,7 +150,6 @@ def test_readme_is_short_and_has_commands() -> None:
     assert len(OF_README) >= 5
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_commands_of_readme_succeed_in_order_with_the_policy_that_it_shows(
     machine: dict[str, str], tmp_path: Path
@@ -190,7 +188,6 @@ def ros(tmp_path: Path) -> Iterator[RosNetwork]:
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.long
 def test_the_rehearsal_of_a_robot_on_ros_1_runs_in_its_terminals(ros: RosNetwork, tmp_path: Path) -> None:

@@ -5,14 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.docs.pages import ROOT
 from tests.docs.reading import Shell
 from tests.models.remote.servers import STUB, await_port, free_port
 
 
-@pytest.mark.slow
 def test_the_server_of_the_page_drives_a_trial(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "models-elsewhere.md").read_text(encoding="utf-8")
     server = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0]

@@ -9,7 +9,7 @@ from tests.fuzz.harness import run
 from tests.fuzz.targets import TARGETS
 
 SEED = 1
-COUNT = 40
+COUNT = 16
 
 
 @pytest.mark.parametrize("name", TARGETS)

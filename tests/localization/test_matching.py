@@ -151,7 +151,6 @@ def test_what_fits_farther_off_than_robots_are_looked_for_is_not_where_it_stands
     assert not got.fits or math.hypot(*got.offset.position) < 0.60, "an identical cupboard front is 1 m to the side"
 
 
-@pytest.mark.slow
 def test_a_turn_finds_how_far_ahead_the_camera_sits() -> None:
     trial, _ = trial_at(5, seed=5, most_m=0.10, most_deg=4.0)
     ahead = CAMERA.model_copy(update={"mount_forward_m": CAMERA.mount_forward_m + 0.10})

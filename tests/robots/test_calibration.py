@@ -21,14 +21,12 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RosNetwork]:
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 @pytest.mark.parametrize("topics", [{}, calibrating.COMPRESSED], ids=["raw", "compressed"])
 def test_a_profile_is_corrected_over_ros1(network: RosNetwork, tmp_path: Path, topics: dict[str, str]) -> None:
     calibrating.corrects_the_profile(network.environment, tmp_path, "ros1", **topics)
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 @pytest.mark.parametrize("what", calibrating.REFUSED)
 @pytest.mark.long
 def test_a_failed_measurement_over_ros1_is_an_error_of_one_line(network: RosNetwork, tmp_path: Path, what: str) -> None:
@@ -36,7 +34,6 @@ def test_a_failed_measurement_over_ros1_is_an_error_of_one_line(network: RosNetw
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "check",
     [

@@ -12,7 +12,7 @@ from tests.web.blind_study import BlindStudy
 from tests.web.phone_operators import Disturbance, phone_operators
 from tests.web.study_faults import study_faults
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = pytest.mark.browser
 
 
 @pytest.mark.timeout(900)

@@ -10,7 +10,7 @@ from tests.web.blind_study import ARM_NAMES, BlindStudy
 from tests.web.phone_operators import phone_operators
 from tests.web.study_faults import study_faults
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = pytest.mark.browser
 
 GOALS = """\
 goals:

@@ -186,11 +186,11 @@ def advice(episodes: Sequence[tuple[EpisodeRecord, EpisodeDiagnosis]], max_actio
 
     Args:
         episodes: episodes of one model.
-        max_actions: the protocol's number of actions; None for no limit.
+        max_actions: the protocol's number of actions; None for no limit. Trials may have had fewer.
     """
     lines: list[str] = []
     for episode, found in episodes:
-        lines += _advice(episode, found)
+        lines += _advice(episode, found, max_actions)
     medians = [(f.infer_median_s, f.move_median_s) for _, f in episodes if f.infer_median_s and f.move_median_s]
     if medians:
         infer_s, move_s = (statistics.median(values) for values in zip(*medians, strict=True))
@@ -204,14 +204,15 @@ def advice(episodes: Sequence[tuple[EpisodeRecord, EpisodeDiagnosis]], max_actio
     return list(dict.fromkeys(lines))
 
 
-def _advice(episode: EpisodeRecord, found: EpisodeDiagnosis) -> Iterable[str]:
+def _advice(episode: EpisodeRecord, found: EpisodeDiagnosis, max_actions: int | None) -> Iterable[str]:
     if found.wide_turns:
         turns = counted(found.wide_turns, "turn")
         yield f"{turns} by more than 180°: angles are in radians, 90° is math.radians(90)"
     if episode.success is not False:
         return
     within = f"{episode.success_distance_m or 1.0:g} m"
-    is_limit = episode.end_reason not in (EndReason.STOP.value, EndReason.COLLISION.value)
+    given = episode.provenance.protocol.get("max_actions", max_actions)
+    is_limit = episode.end_reason not in (EndReason.STOP.value, EndReason.COLLISION.value) and given == max_actions
     if found.stop_from is not None and is_limit and not found.answered_stop:
         yield f"it never answers STOP: answer Action.STOP within {within} of the goal"
     if found.cause == FailureKind.STUCK.value:

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from copy import deepcopy
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -138,13 +139,21 @@ def _read_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
 
     The last texts are kept: a command reads its site several times, and the apartment takes 30 ms.
     """
-    tree, content = (_parse_kept if len(text) <= _KEPT_CHARACTERS else _parse_yaml)(text, origin)
+    try:
+        tree, content = (_parse_kept if len(text) <= _KEPT_CHARACTERS else _parse_yaml)(text)
+    except InvalidSettingsError as invalid:
+        raise InvalidSettingsError(
+            *(replace(fault, where=f"{origin}{fault.where}") for fault in invalid.faults),
+            number=len(invalid.faults) + invalid.more,
+        ) from invalid.__cause__
     return tree, deepcopy(content)
 
 
-def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
+def _parse_yaml(text: str) -> tuple[Node | None, Any]:
+    """Return tree and values; faults say `:line`, without the name of the file."""
+
     def invalid(problem: str, line: int | None = None) -> InvalidSettingsError:
-        return InvalidSettingsError(SettingsFault(origin if line is None else f"{origin}:{line}", problem, line=line))
+        return InvalidSettingsError(SettingsFault("" if line is None else f":{line}", problem, line=line))
 
     if len(text) > MAX_CHARACTERS:
         raise invalid(f"longer than {MAX_CHARACTERS:,} characters")
@@ -156,12 +165,11 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
         if tree is None:
             return None, None
         if repeated := [
-            SettingsFault(f"{origin}:{line}", f"field {name} is repeated", line=line)
-            for line, name in _repeated_keys(tree)
+            SettingsFault(f":{line}", f"field {name} is repeated", line=line) for line, name in _repeated_keys(tree)
         ]:
             raise InvalidSettingsError(*repeated)
         if long := [
-            SettingsFault(f"{origin}:{line}", f"a number has {digits} digits", line=line)
+            SettingsFault(f":{line}", f"a number has {digits} digits", line=line)
             for line, digits in _long_integers(tree)
         ]:
             raise InvalidSettingsError(*long)
@@ -183,7 +191,7 @@ def _parse_yaml(text: str, origin: str) -> tuple[Node | None, Any]:
         raise invalid(f"not valid YAML: {reason}") from problem
 
 
-_parse_kept = lru_cache(maxsize=8)(_parse_yaml)
+_parse_kept = lru_cache(maxsize=32)(_parse_yaml)
 
 
 def _count_values(node: Node, known: dict[int, int]) -> int:

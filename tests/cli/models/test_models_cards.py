@@ -99,7 +99,6 @@ def test_a_check_has_the_kinds_and_warns_of_other_steps_than_the_protocol_s(
     assert "0.15 m" in warning
 
 
-@pytest.mark.slow
 def test_a_check_of_weights_warns_of_other_steps_than_the_protocol_s(
     run: Run, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -112,7 +111,6 @@ def test_a_check_of_weights_warns_of_other_steps_than_the_protocol_s(
     assert "0.15 m" in warning
 
 
-@pytest.mark.slow
 def test_a_run_warns_of_other_steps_than_the_protocol_s(run: Run, caplog: pytest.LogCaptureFixture) -> None:
     assert run("run", "--model", "fixed_steps:Fixed", *WORDS).code == 0
     assert warnings(caplog) == []

@@ -126,6 +126,15 @@ def test_a_slow_model_gets_shorter_trials_and_is_told_how_long_it_takes(tried, m
     assert "time median 4.0 s an action" in words
     assert "trials were shortened from 150 to 3 actions" in words
     assert "to do slow: a robot waits 4.0 s for an answer and moves for" in words
+    assert "check units" not in words, "three actions do not show that it searches badly"
+
+
+def test_a_model_whose_first_answers_compile_gets_whole_trials(tried) -> None:
+    slow_at_first = "time.sleep(0.3 if Warming.loaded < 3 else 0.0)\nWarming.loaded += 1\nreturn Decision(Action.STOP)"
+    source = policy("Warming", slow_at_first).replace("    def reset", "    loaded = 0\n\n    def reset")
+    words = words_of(tried("warming.py", source, "--starts", "1"))
+    assert "stopped far off" in words
+    assert "shortened" not in words
 
 
 @pytest.mark.parametrize(

@@ -106,14 +106,12 @@ def test_other_lists_fit_too(shown: Callable[..., Answer], words: str) -> None:
     assert "…" not in shown(*words.split()).out
 
 
-@pytest.mark.slow
 def test_a_comparison_breaks_no_cell(shown: Callable[..., Answer]) -> None:
     lines = shown("compare", "vlv simulated", "pirlnav").out.splitlines()
     assert sum(bool(re.match(r" (all|shared) +\d+/\d+ ", line)) for line in lines) == 2
     assert "Shared goals: chair, sofa." in lines
 
 
-@pytest.mark.slow
 def test_a_report_breaks_no_end_reason(shown: Callable[..., Answer]) -> None:
     out = shown("report").out
     ends = out[out.index("How episodes ended") :]

@@ -162,7 +162,6 @@ class Loud(Policy):
 """
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -189,7 +189,6 @@ def driver(url: str) -> Fork:
     return Fork.of(drive)
 
 
-@pytest.mark.slow
 def test_three_killed_drivers_on_an_empty_record_run_every_trial_once(url: str) -> None:
     drivers = [driver(url) for _ in range(3)]
     for killed in drivers[:2]:

@@ -9,7 +9,7 @@ from tests.processes import wait_until
 from tests.robots import calibrating
 from tests.ros.ros2.graph import HERE, Graph2, live_graph
 
-pytestmark = [pytest.mark.ros2, pytest.mark.slow]
+pytestmark = pytest.mark.ros2
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,18 @@
-"""Stacks that drive themselves over ROS 2: announced, watched, stopped and judged by `vsnbench run`."""
+"""Stacks that drive themselves over ROS 2: announced, watched, stopped and judged by `vsnbench run`; a killed run."""
 
 import json
 import re
 import sqlite3
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.processes import Process, wait_until
-from tests.ros.ros2.graph import HERE, Graph2, live_graph
+from tests.ros.ros2.graph import HERE, Graph2, live_graph, moves, stands_since
+from tests.ros.ros2.test_run import begin
 from vsnbench.robots.profiles import profile_path
 
 pytestmark = pytest.mark.ros2
@@ -21,6 +23,10 @@ PATHS = {"sofa": [[0.9, 0.0]], "chair": [[0.6, 0.0]]}
 StartStack = Callable[..., tuple[Process, str]]
 SHORT = {"sofa": [[0.4, 0.0]]}
 """Ends farther than 1 m from the sofa."""
+AT_REST_S = 5.0
+"""Without a stop, the base drives until it hits a wall; docs/robot-faults.md has the times of a stop. A process killed
+while it shares memory may delay the others by 2 s."""
+RUNNING = "select count(*) from episode where state = 'running'"
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +110,28 @@ def test_a_stack_that_declares_its_arrival_is_judged_at_rest(
     assert max(frame[5] for film in films for frame in film) == pytest.approx(0.25)  # m/s, as the stack commanded
     assert "goal sofa" in server.output
     assert "abort" in server.output
+
+
+def drives(directory: Path, watch: Process) -> bool:
+    """Return whether the robot moves in an episode; the first run moves it before, to measure its watchdog."""
+    try:
+        return moves(watch) and rows(directory, RUNNING) == [(1,)]
+    except sqlite3.OperationalError:  # the record is being made
+        return False
+
+
+def test_a_killed_run_leaves_a_robot_at_rest(graph: Graph2, tmp_path: Path) -> None:
+    watch = graph.start(HERE / "nodes" / "odometry_watch.py", "/robot1/odom")
+    killed = begin(graph, robot_of(graph), tmp_path / "results")
+    wait_until(lambda: drives(tmp_path, watch) or killed.popen.poll() is not None, "the robot moves", 140)
+    assert moves(watch), killed.output
+    killed.popen.kill()
+    kill_s = time.monotonic()
+    wait_until(lambda: stands_since(watch) is not None, "the robot stands")
+    stood_s = stands_since(watch) - kill_s
+    sys.stdout.write(f"stands {stood_s:.2f} s after the run was killed\n")
+    assert stood_s < AT_REST_S
+    assert rows(tmp_path, "select count(*) from verdict") == [(0,)]
 
 
 TOPICS = """

@@ -163,7 +163,6 @@ def test_trials_of_a_killed_fork_server_run_again(
     assert_gone([parent, *workers])
 
 
-@pytest.mark.slow
 def test_a_late_setup_of_an_earlier_campaign_is_not_used() -> None:
     before, now = (TrialSetupSpec(load_site("apartment"), model, ("chair",)) for model in ("forward", "random"))
     with LocalPool(before, WorkerRequest(2, is_explicit=True)) as pool:
@@ -178,7 +177,6 @@ def test_a_late_setup_of_an_earlier_campaign_is_not_used() -> None:
     assert_gone([one, late])
 
 
-@pytest.mark.slow
 def test_two_lost_fork_servers_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     servers = [ForkServer() for _ in range(3)]
     for killed in servers[1:]:

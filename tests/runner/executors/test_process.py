@@ -23,7 +23,6 @@ from vsnbench.runtime.resources import granted_cores
 STOP = StopRequest(StopAuthor.SYSTEM, "a test")
 
 
-@pytest.mark.slow
 def test_a_single_threaded_server_forks_workers_and_ends_them() -> None:
     server = ForkServer()
     try:
@@ -46,7 +45,6 @@ def test_a_single_threaded_server_forks_workers_and_ends_them() -> None:
     assert not psutil.pid_exists(third.pid)
 
 
-@pytest.mark.slow
 def test_a_killed_fork_server_leaves_no_zombies() -> None:
     adopt_orphans()
     server = ForkServer()
@@ -60,7 +58,6 @@ def test_a_killed_fork_server_leaves_no_zombies() -> None:
         adopt_orphans(wanted=False)
 
 
-@pytest.mark.slow
 def test_workers_of_an_ended_fork_server_are_reported_as_killed(
     capfd: pytest.CaptureFixture[str],
 ) -> None:

@@ -195,7 +195,6 @@ def run_on(
     return subprocess.run(command, cwd=directory, env=environment, capture_output=True, text=True, timeout=200)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "config", "reported"),
     [
@@ -215,7 +214,6 @@ def test_each_connection_problem_has_its_own_line(
     assert done.stderr.strip().count("\n") == 0
 
 
-@pytest.mark.slow
 def test_a_campaign_on_a_cluster_that_requires_a_token(head: tuple[str, dict[str, str]], tmp_path: Path) -> None:
     address, environment = head
     done = run_on(address, environment, tmp_path, "[cluster]\nworkers = 50")

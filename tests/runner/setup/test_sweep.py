@@ -142,7 +142,6 @@ def test_an_invalid_stress_test_is_refused(names: Sequence[str], severities: Seq
     assert refused.value.code == code
 
 
-@pytest.mark.slow
 def test_several_generated_sites_may_lack_a_goal_that_some_have() -> None:
     asked = replace(asked_for(goals=("bathtub,chair",)), starts=(1,))
     lacking = "flat:3"
@@ -159,7 +158,6 @@ def test_a_goal_that_no_generated_site_has_is_refused_before_anything_runs() -> 
     assert refused.value.code == "unknown-goal"
 
 
-@pytest.mark.slow
 def test_a_sweep_skips_what_a_generated_site_lacks_and_runs_the_rest(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

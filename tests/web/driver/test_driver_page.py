@@ -116,7 +116,6 @@ def test_a_run_without_a_page_is_refused_before_anything_is_written(tmp_path: Pa
     assert not (tmp_path / "results").exists()
 
 
-@pytest.mark.slow
 def test_a_person_drives_a_campaign_and_is_a_reference_in_its_report(tmp_path: Path) -> None:
     driver = Driver(["TURN_LEFT", "MOVE_FORWARD", "STOP", "STOP"])
     result = launch(request(tmp_path), OperatorProvider(serve_driver=driver.serve))

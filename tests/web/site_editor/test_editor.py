@@ -95,7 +95,6 @@ def box_of(page: Page, selector: str) -> dict[str, float]:
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_a_flat_is_drawn_from_a_map_with_mouse_and_keyboard(tmp_path: Path) -> None:
     surveyed = load_site(FLAT)
     write_ros_map(map_of_site(surveyed, furniture=False), tmp_path / "map.yaml")
@@ -155,7 +154,6 @@ def dragged_by_fingers(page: Page, *ways: list[tuple[float, float]]) -> None:
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_a_tablet_scales_an_image_draws_by_touch_and_pinches(tmp_path: Path) -> None:
     path = tmp_path / "drawn.yaml"
     picture = np.full((300, 400, 3), 255, np.uint8)

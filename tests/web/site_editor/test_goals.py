@@ -50,7 +50,6 @@ def site_file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_points_are_placed_sequences_ordered_and_routes_photographed_along_a_way(tmp_path: Path) -> None:
     path = tmp_path / "lab.yaml"
     path.write_text(APARTMENT, encoding="utf-8")
@@ -93,7 +92,6 @@ def test_points_are_placed_sequences_ordered_and_routes_photographed_along_a_way
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_a_way_is_drawn_with_keys_on_a_narrow_screen(tmp_path: Path) -> None:
     path = tmp_path / "lab.yaml"
     path.write_text(APARTMENT, encoding="utf-8")
@@ -114,7 +112,6 @@ def test_a_way_is_drawn_with_keys_on_a_narrow_screen(tmp_path: Path) -> None:
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_goals_of_every_kind_are_drawn(tmp_path: Path) -> None:
     path = tmp_path / "lab.yaml"
     path.write_text(APARTMENT, encoding="utf-8")

@@ -149,7 +149,9 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
             for finding in check_policy(policy, profile_of(spec.robot), trying.steps_of_check(decision_s)):
                 findings.append(finding)
                 progress.show("check", len(findings), _CHECKS)
-    whole = spec.parameters.max_actions
+        whole = spec.parameters.max_actions
+        if trying.max_actions(decision_s, whole) != whole:  # its first decisions may have compiled or loaded something
+            decision_s = trying.decision_s(policy, probes=1)
     spec = replace(spec, goals=goals, parameters=spec.parameters.limited_to(trying.max_actions(decision_s, whole)))
     starts = request.starts or trying.first_starts(goals, spec.site)
     request = replace(request, setup=spec, starts=starts).at(request.site, spec.site)

@@ -190,7 +190,7 @@ ODOMETRY = Measures(
     Measure(
         "drift_per_m_p95",
         decimals(1, 100),
-        "95th percentile of the same",
+        f"{_PER_METRE}, 95th percentile",
         _middle("drift_per_m", 0.95),
         null=_UNMEASURED,
         heading="95 %",
@@ -200,7 +200,7 @@ ODOMETRY = Measures(
     Measure(
         "drift_m_max",
         decimals(2),
-        "greatest such distance, metres",
+        "greatest distance between the pose by the odometry and the one measured after STOP, metres",
         _middle("drift_m", 1.0),
         null="without measured poses",
         heading="most m",

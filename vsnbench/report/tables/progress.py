@@ -45,7 +45,7 @@ def _stage(stage: Stage, note: str) -> Measure:
 
 _COVERED = "mean share of the shortest path to the goal that was covered, 0 to 1; not success"
 _MIN = "smallest distance from the base's edge to the map's solids, mean"
-_LOW = "5th percentile of that distance over the path, mean of the episodes"
+_LOW = "5th percentile over the path of the distance from the base's edge to the map's solids, mean"
 COURSES = Measures(
     MODEL,
     Measure("", decimals(3), _COVERED, "progress", heading="progress"),

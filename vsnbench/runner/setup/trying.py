@@ -19,7 +19,6 @@ CHECK_S, TRIAL_S = 5.0, 15.0
 """What a model may take for the decisions of a check, and for those of a trial; a slower one takes fewer."""
 MIN_ACTIONS = 10
 _EPISODES_OF_CHECK = 10
-_PROBES = 3
 
 
 @contextmanager
@@ -33,11 +32,11 @@ def opened_policy(name: str, options: Mapping[str, Any]) -> Iterator[Policy]:
             close_policy(policy)
 
 
-def decision_s(policy: Policy) -> float:
-    """Return the median time of a policy's decision; 0 if it makes none, which the check reports."""
+def decision_s(policy: Policy, probes: int = 3) -> float:
+    """Return the median time of some decisions of a policy; 0 if it makes none, which the check reports."""
     try:
         task = example_tasks(policy.card)[0]
-        return statistics.median(durations_s(policy, task, _PROBES))
+        return statistics.median(durations_s(policy, task, probes))
     except KeyboardInterrupt:
         raise
     except BaseException:  # third-party code can raise anything
