@@ -9,7 +9,8 @@ import shapely
 from vsnbench.simulator.rendering.raster import NEAR_M, nearest_first
 from vsnbench.simulator.rendering.scan.mesh import Bytes, Floats, Ints, ScanMesh
 from vsnbench.simulator.rendering.scan.pixels import fill_holes, label_points
-from vsnbench.simulator.rendering.scan.raster import CHUNK, LEVELS, draw_triangles, shade_triangles
+from vsnbench.simulator.rendering.scan.raster import CHUNK, draw_triangles
+from vsnbench.simulator.rendering.scan.shading import LEVELS, shade_triangles
 from vsnbench.sites.geometry.walls import top_m
 from vsnbench.sites.site import SiteObject
 
