@@ -112,8 +112,10 @@ def test_the_page_works_without_a_network_and_sorts_by_a_click(page: Path) -> No
 
         background = "getComputedStyle(document.body).backgroundColor"
         light = ask(browser, background)
+        assert ask(browser, "document.getElementById('theme').textContent") == "Dark"
         ask(browser, "(document.getElementById('theme').click(), 0)")
         assert ask(browser, background) != light
+        assert ask(browser, "document.getElementById('theme').textContent") == "Light", "what a press does"
 
 
 @pytest.mark.browser

@@ -17,14 +17,13 @@ from vsnbench.results.goals import GOAL_KINDS, RecordedGoal, goal_text
 from vsnbench.results.reading import read_model as read
 from vsnbench.results.schema import tables
 from vsnbench.results.schema.row_encoding import fix_of_columns
-from vsnbench.results.writing.entries import SequenceLeg
+from vsnbench.results.writing.entries import END_REASONS, SequenceLeg
 from vsnbench.results.writing.lifecycle import RESULTS
 from vsnbench.results.writing.sessions import RecordedPlacement, RecordedSession, RecordedStop
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.person import driver_of_model
 
-END_REASONS = "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or a reason of a void episode"
 SOURCES = "`simulated`, `surveyed`, `measured`, `tape` or `estimated`"
 _UNTIL_END = "until the episode has ended"
 _ROW = tables.EpisodeRow

@@ -53,7 +53,7 @@ class SimulatedRobot(Robot):
     rendered only if they are in `read`, or if noise depends on them.
     """
 
-    sensors = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
+    sensors = frozenset(Sensor)
     renders_views = True
     drives_on = True
 

@@ -165,6 +165,7 @@ def test_a_broken_model_is_shown_with_its_line(tried) -> None:
     assert "same seed, same actions and" in words
     assert "KeyError: 'weights' (broken.py, line 13)" in words
     assert "void, act: KeyError: 'weights'" in words
+    assert "next vsnbench try broken:Broken --goal chair" in words
 
 
 def test_a_model_that_exits_ends_its_trial_and_not_the_command(tried) -> None:

@@ -3,6 +3,10 @@
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
+from tests.accessibility import accessibility_findings
+from tests.cli.chromium import chromium_page
 from vsnbench.evidence.verification.checks import Check, Verification
 from vsnbench.evidence.verification.page import MAX_FINDINGS, write_page
 
@@ -36,3 +40,14 @@ def test_findings_are_named_and_texts_of_the_record_are_not_markup(tmp_path: Pat
     assert "5 more" in text
     assert text.count("<li>step ") == MAX_FINDINGS
     assert SCRIPT not in text
+
+
+@pytest.mark.browser
+def test_everybody_can_read_the_page_and_the_browser_reports_no_error(tmp_path: Path) -> None:
+    page_of(tmp_path, Check("files", "files", checked=1234, not_checked=Counter({"no digest": 7})))
+    with chromium_page(1280, 900) as browser:
+        messages: list[str] = []
+        browser.on("console", lambda message: messages.append(message.text))
+        browser.goto((tmp_path / "page.html").as_uri())
+        assert accessibility_findings(browser) == []
+        assert messages == []

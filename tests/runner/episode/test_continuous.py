@@ -13,14 +13,13 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.robots.contract import Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
-from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, StopRequest, StopRequests
 from vsnbench.sites.site import Site
 from vsnbench.values.action import Action, ActionKind
@@ -86,7 +85,7 @@ class Record:
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         return None
 
-    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+    def begin(self, plan: EpisodePlan, start: Fix, begin: EpisodeBegin, view_jpeg: bytes | None = None) -> None:
         pass
 
     def step(self, step: Step) -> None:

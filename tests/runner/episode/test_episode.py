@@ -15,11 +15,11 @@ from tests.runner.stand_ins import APARTMENT, NOBODY, PLAN, PROFILE, ScriptedPol
 from vsnbench.errors import NotPlacedError, RecordError, RobotError, SensorLostError
 from vsnbench.protocol.judge import EndReason
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
-from vsnbench.runner.operator.placing import PlacementLook, Placing
+from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.emergency_key import PRESSED
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import Site, StartingPosition
@@ -44,7 +44,7 @@ class MemoryRecorder:
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         return None
 
-    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+    def begin(self, plan: EpisodePlan, start: Fix, begin: EpisodeBegin, view_jpeg: bytes | None = None) -> None:
         assert not self.steps
 
     def step(self, step: Step) -> None:

@@ -213,6 +213,8 @@ def test_success_over_time_has_days_and_versions(browser: Browser, results: Path
         assert days[0] == ["day", "slow", "fast"]
         assert [line[1:] for line in days[1:]] == [["1/2", "2/2"]]
         assert [[line[0], *line[-2:]] for line in versions[1:]] == [["slow", "1/2", "50 %"], ["fast", "2/2", "100 %"]]
+        places = page.locator(".chart circle").evaluate_all("dots => dots.map(dot => dot.cx.baseVal.value)")
+        assert len(set(places)) == 2, "models of one day stand side by side"
         page.close()
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from vsnbench.text.terminal import Console
     from vsnbench.values.step import StepRecord
 
-"""Colour of each outcome."""
-
 
 def print_page(
     console: "Console",

@@ -18,7 +18,7 @@ from vsnbench.cli.support.options import (
     Unattended,
     driver_page,
     execution_option,
-    fit_of,
+    of_models,
     operator_page,
     requested_workers,
     results_directory,
@@ -142,10 +142,8 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         .limited_to(max_steps)
         .executed(None if continuous is None else parse_continuous(continuous)),
         model_options=trial.model_options(weights, model_config),
-        device=config.models.device,
-        act_timeout_s=config.models.act_timeout_s,
+        **of_models(config),
         isolation=None if isolate is None else _isolation(isolate, directory),
-        fit=fit_of(config),
         keep=what_to_keep(keep, robot, live=live, has_operator=page is not None or rehearse),
     )
     request = RunRequest(

@@ -11,7 +11,7 @@ from vsnbench.cli.support.options import (
     Protocol,
     Results,
     execution_option,
-    fit_of,
+    of_models,
     record_option,
     requested_workers,
     results_directory,
@@ -130,9 +130,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
         noise=noise,
         parameters=load_protocol(protocol).limited_to(max_steps),
         model_options=trial.model_options(weights, model_config),
-        device=config.models.device,
-        act_timeout_s=config.models.act_timeout_s,
-        fit=fit_of(config),
+        **of_models(config),
         keep=what_to_keep(keep, robot),
     )
     request = RunRequest(

@@ -13,7 +13,7 @@ from vsnbench.cli.support import trial_options as trial
 from vsnbench.cli.support.options import (
     Protocol,
     configured_option,
-    fit_of,
+    of_models,
     record_option,
     results_directory,
     what_to_keep,
@@ -110,9 +110,7 @@ def command(  # noqa: PLR0913 - Typer needs a parameter per option
             robot=simulated,
             parameters=load_protocol(protocol),
             model_options=trial.model_options(weights, model_config),
-            device=config.models.device,
-            act_timeout_s=config.models.act_timeout_s,
-            fit=fit_of(config),
+            **of_models(config),
             keep=what_to_keep("", simulated),
         ),
         results=directory or results_directory(results, None),
@@ -166,7 +164,8 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
         episodes = sorted(list_episodes(engine, wanted), key=lambda episode: episode.id)
         latest = {(episode.goal, episode.start): episode.id for episode in episodes if episode.start in starts}
         trials = [diagnose(engine, number) for number in latest.values()]
-    commands = _commands(request, root)
+    failed = any(not finding.passed for finding in findings) or any(episode.outcome == "void" for episode, _ in trials)
+    commands = _commands(request, root, again=failed)
     if as_json:
         rows = [as_fields(episode, found) for episode, found in trials]
         checks = [asdict(finding) for finding in findings]
@@ -175,20 +174,20 @@ def _try(request: "RunRequest", root: Path | None, *, as_json: bool) -> int:
     else:
         title = f"{card.name} with {', '.join(sorted(card.sensors)) or 'no sensors'}"
         _print(title, findings, trials, whole, commands)
-    failed = any(not finding.passed for finding in findings) or any(episode.outcome == "void" for episode, _ in trials)
     return 1 if failed else 0
 
 
-def _commands(request: "RunRequest", root: Path | None) -> dict[str, str]:
-    """Return the commands that open the film and that run a campaign."""
+def _commands(request: "RunRequest", root: Path | None, *, again: bool) -> dict[str, str]:
+    """Return the commands that open the film, and that run a campaign or, for a model with a fault, try it again."""
     directory = "" if root is None or root == Path.cwd() else f"cd {shlex.quote(str(root))} && "
     options = "".join(
         f" --{name.replace('_', '-')} {shlex.quote(str(value))}" for name, value in request.setup.model_options.items()
     )
     goal = shlex.quote(",".join(request.setup.goals))
+    verb = "try" if again else "run --model"
     return {
         "film": f"vsnbench browse{request.results.options}",
-        "next": f"{directory}vsnbench run --model {shlex.quote(request.setup.model)}{options} --goal {goal}",
+        "next": f"{directory}vsnbench {verb} {shlex.quote(request.setup.model)}{options} --goal {goal}",
     }
 
 

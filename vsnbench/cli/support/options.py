@@ -18,7 +18,6 @@ from vsnbench.errors import UsageError
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
-    from vsnbench.models.fit.camera import Fit
     from vsnbench.results.files.directory import KeepFiles, ResultsDirectory
     from vsnbench.runner.executors.capacity import WorkerOptions
     from vsnbench.settings.user_config import UserConfig
@@ -208,11 +207,12 @@ def what_to_keep(given: str, robot: str, *, live: bool = False, has_operator: bo
     return KeepFiles(given)
 
 
-def fit_of(config: "UserConfig") -> "Fit":
-    """Return how images are fitted to the camera that a model was trained with."""
+def of_models(config: "UserConfig") -> dict[str, Any]:
+    """Return what section `[models]` says, as fields of `TrialSetupSpec`."""
     from vsnbench.models.fit.camera import Fit
 
-    return Fit(config.models.fit)
+    models = config.models
+    return {"device": models.device, "act_timeout_s": models.act_timeout_s, "fit": Fit(models.fit)}
 
 
 def requested_workers(given: str) -> "WorkerOptions":

@@ -20,7 +20,7 @@ from vsnbench.protocol.disturbances import CURRENT_EDITION, EDITION
 from vsnbench.protocol.judge import EndReason
 from vsnbench.results.files.images import hash_images
 from vsnbench.results.writing.campaigns import model_sha256
-from vsnbench.results.writing.entries import EpisodeEnd
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.results.writing.steps import step_row
 from vsnbench.robots.simulated import SimulatedRobot
@@ -28,7 +28,6 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.recorder import record_of_step
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
-from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.simulator.dynamics.noise import NoiseSettings
@@ -181,7 +180,7 @@ class _Comparison:
     def kept_photo(self, plan: EpisodePlan) -> bytes | None:
         """Return None, because a replay has no placement."""
 
-    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+    def begin(self, plan: EpisodePlan, start: Fix, begin: EpisodeBegin, view_jpeg: bytes | None = None) -> None:
         """Accept the begin."""
 
     def event(self, kind: str, text: str) -> None:

@@ -14,8 +14,8 @@ from vsnbench.report.analysis.summary import ConditionSummary, ReportResults
 from vsnbench.report.measures import COUNT, FLAG, NUMBERS, TEXT, Measure, Measures, decimals, percents
 from vsnbench.report.table import Column, ReportTable, row
 from vsnbench.results.goals import RecordedGoal
-from vsnbench.results.model import END_REASONS
 from vsnbench.results.reading.read_model import COUNTED, RUNNING
+from vsnbench.results.writing.entries import END_REASONS
 from vsnbench.text.sanitize import counted
 from vsnbench.values.robot_identity import IMPORTED
 

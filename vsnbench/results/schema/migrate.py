@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from alembic.config import Config
 
 logger = logging.getLogger(__name__)
-HEAD: Final = "0013"
+HEAD: Final = max(path.name[:4] for path in (resource_directory("migrations") / "versions").glob("[0-9]*.py"))
 """Newest revision; a record that has it is opened without Alembic, which takes 0.2 s to load."""
 NEWEST: Final = "newest.sql"
 """File with the result of all migrations, which take 0.2 s for an empty record."""

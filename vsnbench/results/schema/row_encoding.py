@@ -12,6 +12,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from vsnbench.protocol.judge import GoalDistance, Verdict
 from vsnbench.protocol.stop_pose import StopPose
 from vsnbench.results.schema.base import TableBase
+from vsnbench.results.schema.tables import EpisodeRow
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.placement import MeasuredPlacement
@@ -39,6 +40,13 @@ def columns_of_fields(table: type[TableBase], kind: type[Any]) -> list[Any]:
     """Return the columns of a table that have the names of a dataclass's fields."""
     columns = table.__table__.c
     return [columns[field.name] for field in fields(kind) if field.name in columns]
+
+
+def _columns_of(value: Any, table: type[TableBase]) -> Row:
+    """Return a dataclass's fields that have the names of columns: text that databases accept, and finite numbers."""
+    safe: dict[type, Any] = {str: text, float: number}
+    named = ((column.name, getattr(value, column.name)) for column in columns_of_fields(table, type(value)))
+    return {name: safe.get(type(part), lambda same: same)(part) for name, part in named}
 
 
 def number(value: float | None) -> float | None:
@@ -105,6 +113,7 @@ def event_row(kind: str, words: str, *, author: str = "", **where: int | None) -
 def episode_begin_row(begin: EpisodeBegin) -> Row:
     """Return the columns set at an episode's beginning."""
     return {
+        **_columns_of(begin, EpisodeRow),
         "started_at": begin.started_at or datetime.now(UTC),
         "geodesic_start_m": number(begin.shortest_m),
         **({} if begin.has_images else {"images_directory": ""}),
@@ -158,14 +167,11 @@ def _measured_columns(episode_id: int, measured: MeasuredPlacement, author: str)
 def episode_end_row(end: EpisodeEnd) -> Row:
     """Return the columns set at an episode's end."""
     return {
+        **_columns_of(end, EpisodeRow),
         "ended_at": end.ended_at or datetime.now(UTC),
         "end_reason": end.end_reason.value,
-        "error": text(end.error),
-        "actions": end.actions,
         "path_length_m": number(end.path_m),
         "geodesic_end_m": number(end.remaining_m),
-        "duration_s": number(end.duration_s),
-        "wall_duration_s": number(end.wall_duration_s),
         **_distance_columns(end.verdict, "distance_to_goal_m"),
         **pose_columns("final", end.final.pose if end.final else None),
         "final_source": end.final.source.value if end.final else None,

@@ -17,6 +17,9 @@ INTERVENTION = "intervention"
 """Kind of events for operator actions on a real robot other than placing it: emergency stop, Ctrl-C, a reported
 collision, or moving the robot by hand."""
 
+END_REASONS = ", ".join(f"`{reason}`" for reason in EndReason if reason.is_result) + ", or a reason of a void episode"
+"""What the end reason of an episode can be, for documentation."""
+
 
 @dataclass(frozen=True, slots=True)
 class SequenceLeg:
@@ -24,9 +27,7 @@ class SequenceLeg:
 
     position: int = quantity("position of the goal in the sequence, from 1")
     goal: str = quantity("name of the goal")
-    end_reason: str = quantity(
-        "`stop`, `step_limit`, `time_limit`, `path_limit`, `collision`, or that of a void episode"
-    )
+    end_reason: str = quantity(END_REASONS)
     success: bool | None = quantity("the protocol's verdict", absent="if void")
     actions: int = quantity("number of actions; STOP and blocked ones count")
     path_m: float = quantity("length of the driven path")
@@ -64,7 +65,7 @@ def leg_of(position: int, goal: str, verdict: Verdict, spent: Spent, shortest_m:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeBegin:
-    """State of an episode at its beginning."""
+    """State of an episode at its beginning. A field with the name of a column is written to it."""
 
     shortest_m: float | None = None
     """Geodesic distance from the start to the region in which the goal counts as reached."""
@@ -78,7 +79,10 @@ class EpisodeBegin:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeEnd:
-    """How an episode ended; the same value for the runner, the record and a viewer."""
+    """How an episode ended; the same value for the runner, the record and a viewer.
+
+    A field with the name of a column is written to it.
+    """
 
     verdict: Verdict
     actions: int

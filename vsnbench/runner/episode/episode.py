@@ -11,7 +11,7 @@ from vsnbench.models.task import task_of
 from vsnbench.protocol.free_space import free_space
 from vsnbench.protocol.judge import EndReason, GoalDistance, distance_to_goal, judge, judge_sequence
 from vsnbench.protocol.limits import Spent
-from vsnbench.results.writing.entries import EpisodeEnd, SequenceLeg, leg_of
+from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd, SequenceLeg, leg_of
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.runner.episode.continuous import ContinuousStepper
@@ -73,8 +73,8 @@ class EpisodeRecorder(Protocol):
         """Return the image from when this robot was first accepted at this start, as JPEG; None if there is none."""
         ...
 
-    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
-        """Record the begin at pose `start`, which `placed` holds as well if it was measured."""
+    def begin(self, plan: EpisodePlan, start: Fix, begin: EpisodeBegin, view_jpeg: bytes | None = None) -> None:
+        """Record the begin at pose `start`; `view_jpeg` is what a robot that was accepted at its mark sees there."""
         ...
 
     def step(self, step: Step) -> None:
@@ -128,7 +128,10 @@ def run_episode(
     try:
         get_ready(robot.identity.profile.camera, base, plan.parameters.depth_guard)
         here, placed = _place_at_start(robot, plan, recorder, operator, stop)
-        recorder.begin(plan, here, placed)
+        measured = None if placed is None else placed.measured
+        accepted = measured is not None and measured.within_tolerance
+        view_jpeg = placed.picture_jpeg if placed is not None and accepted else None
+        recorder.begin(plan, here, EpisodeBegin(measured=measured), view_jpeg)
         recording = True
         battery = _note_battery(robot, recorder)
         with stop.interruptible():

@@ -28,7 +28,6 @@ from vsnbench.results.files.mark_photos import MarkPhotos
 from vsnbench.results.writing.entries import INTERVENTION, EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.episodes import Claim
 from vsnbench.runner.episode.step import EpisodePlan, Step
-from vsnbench.runner.operator.placing import PlacementLook
 from vsnbench.runtime.clock import ClockReading
 from vsnbench.sites.targets import legs_of
 from vsnbench.values.decision_check import SENSING
@@ -115,19 +114,18 @@ class EpisodeRecorderFanOut:
         """Return the image from when this robot was first accepted at this start; None if there is none."""
         return self._photos.find(plan.site, plan.start)
 
-    def begin(self, plan: EpisodePlan, start: Fix, placed: PlacementLook | None = None) -> None:
+    def begin(self, plan: EpisodePlan, start: Fix, begin: EpisodeBegin, view_jpeg: bytes | None = None) -> None:
         """Open the episode in the database, its directory and the viewer's sink."""
         journal, options, claim = self._journal, self._options, self._claim
-        measured = placed.measured if placed is not None else None
-        if placed is not None and measured is not None and measured.within_tolerance:
-            self._photos.keep(plan.site, plan.start, placed.picture_jpeg)
+        if view_jpeg is not None:
+            self._photos.keep(plan.site, plan.start, view_jpeg)
         self._plan = plan
         self._began = ClockReading()
         self._trajectory = [StampedPose(0.0, start.pose)]
         geodesic_m = self._geodesic_m(start.pose)
         journal.place(claim.id, start)
         images = options.keep is not KeepFiles.NONE
-        journal.begin(claim.id, EpisodeBegin(geodesic_m, has_images=images, measured=measured))
+        journal.begin(claim.id, replace(begin, shortest_m=geodesic_m, has_images=images))
         directory = options.results.episode_directory(claim.images_directory)
         self._images = EpisodeImages(directory) if images else None
         header = EpisodeHeader(

@@ -52,7 +52,7 @@ const theme = document.getElementById("theme");
 let dark = matchMedia("(prefers-color-scheme: dark)").matches;
 const paint = () => {
   document.documentElement.dataset.theme = dark ? "dark" : "light";
-  theme.setAttribute("aria-pressed", String(dark));
+  theme.textContent = dark ? "Light" : "Dark";
 };
 theme.addEventListener("click", () => { dark = !dark; paint(); });
 paint();

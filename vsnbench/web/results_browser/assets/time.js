@@ -39,19 +39,22 @@ class TimeView {
     }
     const every = Math.ceil(this.days.length / Math.max(1, Math.floor(inner / 90)));
     this.days.forEach((day, place) => { if (place % every === 0) svg.append(text(day, { x: x(place), y: CHART_PX - 6 }, "middle")); });
-    for (const model of this.models) {
+    const gap = Math.min(9, inner / this.days.length / (this.models.length + 1)); // equal shares of a day side by side
+    this.models.forEach((model, index) => {
+      const aside = (index - (this.models.length - 1) / 2) * gap;
+      const at = (place) => x(place) + aside;
       const dots = this.days.map((day, place) => [place, successesOf(this.of(model, day))]).filter(([, [, all]]) => all);
-      const line = makeSvg("polyline", { class: "series", points: dots.map(([place, [good, all]]) => `${x(place)},${y(good / all)}`).join(" ") });
+      const line = makeSvg("polyline", { class: "series", points: dots.map(([place, [good, all]]) => `${at(place)},${y(good / all)}`).join(" ") });
       line.style.stroke = this.colors.get(model);
       svg.append(line, ...dots.map(([place, [good, all]]) => {
-        const dot = makeSvg("circle", { cx: x(place), cy: y(good / all), r: Math.min(4 + Math.sqrt(all) / 2, 12) });
+        const dot = makeSvg("circle", { cx: at(place), cy: y(good / all), r: Math.min(4 + Math.sqrt(all) / 2, 12) });
         dot.style.fill = this.colors.get(model);
         const title = makeSvg("title", {});
         title.textContent = `${model}, ${this.days[place]}: ${good} of ${all}`;
         dot.append(title);
         return dot;
       }));
-    }
+    });
     this.chart.replaceChildren(svg);
   }
 
@@ -74,7 +77,7 @@ class TimeView {
     });
     lines.sort((a, b) => this.models.indexOf(a.model) - this.models.indexOf(b.model) || (a.first < b.first ? -1 : 1));
     return tableOf("successes by version", ["model", "version", "first day", "last day", "k/n", "success"], lines.map(({ model, version, first, last, share }) => [
-      make("span", {}, swatch(this.colors.get(model)), model), version || "–", first, last, shareText(share), `${Math.round((100 * share[0]) / share[1])} %`]));
+      make("span", {}, swatch(this.colors.get(model)), model), version || "–", make("span", { class: "day" }, first), make("span", { class: "day" }, last), shareText(share), `${Math.round((100 * share[0]) / share[1])} %`]));
   }
 }
 
