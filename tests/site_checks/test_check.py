@@ -258,3 +258,10 @@ def test_a_small_heading_that_is_no_multiple_of_an_eighth_turn_is_none() -> None
     turned = site.starts[3].model_copy(update={"heading_deg": 3.5})
     site = sound_site(starts=[*site.starts[:3], turned, *site.starts[4:]])
     assert not [found for found in check_site(site, RADIUS_M) if found.code == "headings-in-radians"]
+
+
+@pytest.mark.parametrize(("survey_error_m", "expected"), [(0.01, 1), (0.03, 0)])
+def test_an_object_may_reach_into_a_wall_by_the_error_of_the_survey(survey_error_m: float, expected: int) -> None:
+    shelf = thing("shelf-1", "bookshelf", (5, 0.05 + 0.15 - 0.02), (0.3, 0.9, 1.9), heading_deg=90)
+    site = sound_site(objects=[*sound_site().objects, shelf], survey_error_m=survey_error_m)
+    assert len([error for error in errors_of(site) if "into wall" in error]) == expected

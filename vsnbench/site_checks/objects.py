@@ -73,8 +73,8 @@ def _place(
     inside = [float(thing.shape.intersection(wall).area) for wall in walls]
     deepest = max(range(len(walls)), key=lambda index: inside[index])
     out = thing.shape.difference(rooms)
-    if inside[deepest] > TOUCHING_M2:
-        into_m = _depth_in_wall_m(thing, site.walls[deepest])
+    into_m = _depth_in_wall_m(thing, site.walls[deepest])
+    if inside[deepest] > TOUCHING_M2 and into_m > site.survey_error_m:  # less is within the error of the survey
         problem = f"at {at} reaches {into_m:.2f} m into {wall_name(site, deepest)}"
         advice = _exchange_advice(thing, rooms, walls) or "move it by this distance, or measure its size again"
         yield _error("object-in-wall", thing, problem, advice, into_m, entry, ("walls", deepest))

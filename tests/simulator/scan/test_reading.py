@@ -177,16 +177,25 @@ def test_a_scan_of_an_unknown_kind_names_those_that_are_read(tmp_path: Path) -> 
 
 
 WRITTEN = Path(__file__).parent / "written"
-"""The room without a table, and splats, as other programs wrote them: pygltflib, plyfile, meshio and gsply."""
+"""The room without a table, and splats, as other programs wrote them.
+
+pygltflib, glTF Transform (a texture, and a node with scale and translation), three.js (colours of vertices as numbers
+from 0 to 1, with a material), plyfile, meshio and gsply.
+"""
 
 
-@pytest.mark.parametrize("name", ["pygltflib.glb", "plyfile.ply", "meshio.ply"])
+@pytest.mark.parametrize("name", ["pygltflib.glb", "gltf-transform.glb", "three.glb", "plyfile.ply", "meshio.ply"])
 def test_meshes_of_other_writers_are_read(name: str) -> None:
     mesh = read_scan(WRITTEN / name)
     assert len(mesh.faces) == 12
     assert mesh.vertices.max(axis=0).tolist() == ([4.0, 2.5, 3.0] if name.endswith("glb") else [4.0, 3.0, 2.5])
     if name.endswith("ply"):
         assert mesh.colors.tolist() == [[200, 50, 50]] * 8
+    if name == "three.glb":
+        assert mesh.colors.tolist() == [[153, 8, 8]] * 36
+    if name == "gltf-transform.glb":
+        assert [picture.shape for picture in mesh.textures] == [(64, 64, 3)]
+        assert mesh.textures[0][:8, :8].reshape(-1, 3).tolist() == [[220, 30, 30]] * 64
 
 
 @pytest.mark.parametrize("name", ["gsply.ply", "gsply.spz"])

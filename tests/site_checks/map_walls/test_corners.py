@@ -75,3 +75,9 @@ def test_in_a_flat_that_is_turned_walls_are_square_to_each_other() -> None:
     straight = straightened(off, turn)
     way = np.array(straight.end) - straight.start
     assert math.atan2(way[1], way[0]) == pytest.approx(turn)
+
+
+def test_a_wall_whose_ends_meet_in_one_corner_is_left_out() -> None:
+    others = [WallLine((0.0, 0.3), (4.0, 0.3), 0.1), WallLine((2.0, -1.0), (2.0, 3.0), 0.1)]
+    short = WallLine((1.8, 0.1), (2.2, 0.5), 0.1)
+    assert with_closed_corners([*others, short], OPEN) == others

@@ -69,6 +69,24 @@ def occupied_points(samples: Floats, low_m: float, high_m: float) -> Floats:
     return np.asarray((np.column_stack([keys // rows, keys % rows]) + low + 0.5) * CELL_M)
 
 
+def beside(
+    samples: Floats, start: tuple[float, float], end: tuple[float, float], reach_m: float
+) -> tuple[Floats, Floats, npt.NDArray[np.intp]]:
+    """Return where points are along a line and across it (positive left), metres, and the indices of these points.
+
+    Points beyond its ends, or farther from it than the reach, are left out.
+    """
+    length_m = math.dist(start, end)
+    way = (np.array(end) - start) / length_m
+    low, high = np.minimum(start, end) - reach_m, np.maximum(start, end) + reach_m
+    x, y = samples[:, 0], samples[:, 1]
+    chosen = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
+    local = samples[chosen, :2] - start
+    along, across = local @ way, local @ np.array([-way[1], way[0]])
+    near = (along > 0) & (along < length_m) & (np.abs(across) < reach_m)
+    return along[near], across[near], chosen[near]
+
+
 def surface_offsets(
     samples: Floats, start: tuple[float, float], end: tuple[float, float], reach_m: float, *, least: float = 0.2
 ) -> tuple[float | None, float | None]:
@@ -77,12 +95,8 @@ def surface_offsets(
     Each is the place with the most points; None if points cover less than a share `least` of the line's length.
     """
     length_m = math.dist(start, end)
-    way = (np.array(end) - start) / length_m
-    low, high = np.minimum(start, end) - reach_m, np.maximum(start, end) + reach_m
-    x, y = samples[:, 0], samples[:, 1]
-    local = samples[(x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]), :2] - start
-    along, across = local @ way, local @ np.array([-way[1], way[0]])
-    near = (along > _END_M) & (along < length_m - _END_M) & (np.abs(across) < reach_m)
+    along, across, _ = beside(samples, start, end, reach_m)
+    near = (along > _END_M) & (along < length_m - _END_M)
     along, across = along[near], across[near]
     places: list[float | None] = []
     for side in (-1.0, 1.0):

@@ -17,29 +17,16 @@ from vsnbench.simulator.scan.occupancy import (
     CELL_M,
     OUTLINE_M,
     Floats,
+    facing_points_on,
     occupied_points,
-    points_on,
-    surface_offsets,
 )
+from vsnbench.simulator.scan.walls import SINGLE_M, wall_lines
 from vsnbench.site_checks.map_walls.corners import WallLine
-from vsnbench.site_checks.map_walls.grid import FREE, OCCUPIED, PlanGrid
-from vsnbench.site_checks.map_walls.lines import propose_walls
 from vsnbench.sites.scan import SiteScan
 from vsnbench.sites.site import Door, Room, Site, SiteObject, StartingPosition, Wall
-from vsnbench.values.pose import Pose
 
 OBSTACLE: Final = "obstacle"
 """Category of what stands on the floor, until a person names it."""
-_WALL_BAND_M: Final = (1.4, 1.95)
-"""Heights in which a wall is seen above most furniture and below the tops of doors."""
-_SURFACE_M: Final = 0.05
-_TALL: Final = 0.55
-"""Share of that band that a wall's surface covers in a cell."""
-_LEAST_WALL_M: Final = 0.6
-_SINGLE_M: Final = 0.02
-"""Thickness of a wall of which one side was scanned."""
-_THICKEST_M: Final = 0.25
-"""Distance up to which two surfaces are the sides of one wall."""
 _NEAR_WALL_M: Final = 0.06
 _SMALLEST_M2: Final = 0.006
 _MOST_OBJECTS: Final = 400
@@ -54,8 +41,8 @@ def propose_site(mesh: ScanMesh, name: str, scan: SiteScan) -> Site:
     Raises:
         SiteError: the scan has no walls (`scan-no-walls`), or no free place for a robot (`scan-no-room`).
     """
-    samples = points_on(mesh)
-    walls = _walls(samples)
+    samples, facing = facing_points_on(mesh)
+    walls = wall_lines(samples, facing)
     if not walls:
         raise SiteError(
             "the scan has no walls", advice="scan the walls up to a height of 2 m as well", code="scan-no-walls"
@@ -107,63 +94,9 @@ def _ceiling(samples: Floats) -> float:
     return round(min(max((int(np.argmax(bins)) + 0.5) * 0.02, 1.6), 9.9), 2)
 
 
-def _walls(samples: Floats) -> list[WallLine]:
-    """Return the walls of points on surfaces: cells that are occupied over most of the band's height."""
-    import cv2
-
-    low, high = _WALL_BAND_M
-    inside = samples[(samples[:, 2] > low) & (samples[:, 2] < high)]
-    if not len(inside):
-        return []
-    corner = samples[:, :2].min(axis=0) - 0.3
-    shape = np.ceil((samples[:, :2].max(axis=0) + 0.3 - corner) / CELL_M).astype(int)
-    layers = math.ceil((high - low) / _SURFACE_M)
-    at = ((inside[:, :2] - corner) / CELL_M).astype(int)
-    layer = np.minimum(((inside[:, 2] - low) / _SURFACE_M).astype(int), layers - 1)
-    filled = np.zeros((shape[1], shape[0], layers), np.bool_)
-    filled[at[:, 1], at[:, 0], layer] = True
-    # A wall leans by the scan's drift: what its neighbours cover counts too.
-    wide = filled.copy()
-    wide[1:] |= filled[:-1]
-    wide[:-1] |= filled[1:]
-    wide[:, 1:] |= filled[:, :-1]
-    wide[:, :-1] |= filled[:, 1:]
-    occupied = (wide.mean(axis=2) >= _TALL) & filled.any(axis=2)
-    # Both surfaces of a wall become one.
-    across = round(_THICKEST_M / CELL_M)
-    solid = cv2.morphologyEx(occupied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((across, across), np.uint8))
-    cells = np.where(solid > 0, OCCUPIED, FREE).astype(np.uint8)
-    grid = PlanGrid(cells, CELL_M, Pose(float(corner[0]), float(corner[1])))
-    low_points = samples[(samples[:, 2] > BAND_M[0]) & (samples[:, 2] < BAND_M[1])]
-    return [_refined(wall, inside, low_points) for wall in propose_walls(grid, _LEAST_WALL_M)]
-
-
-def _refined(wall: WallLine, high_points: Floats, low_points: Floats) -> WallLine:
-    """Return a wall moved onto its surfaces, without doorways through which only the camera could pass (windows)."""
-    right_m, left_m = surface_offsets(high_points, wall.start, wall.end, wall.thickness_m / 2 + CELL_M)
-    if right_m is not None and left_m is not None and left_m - right_m > _SINGLE_M:
-        thickness_m, shift_m = left_m - right_m, (left_m + right_m) / 2
-    else:  # one side was scanned
-        thickness_m, shift_m = _SINGLE_M, (left_m or right_m or 0.0)
-    along = (np.array(wall.end) - wall.start) / wall.length_m
-    shift = np.array([-along[1], along[0]]) * shift_m
-
-    def moved(point: tuple[float, float]) -> tuple[float, float]:
-        x, y = (np.array(point) + shift).tolist()
-        return (x, y)
-
-    open_below = [
-        gap
-        for gap in wall.doorways
-        if math.dist(*gap) > 0.3 and surface_offsets(low_points, *gap, wall.thickness_m / 2 + 0.1) == (None, None)
-    ]
-    doorways = tuple((moved(first), moved(last)) for first, last in open_below)
-    return replace(wall, start=moved(wall.start), end=moved(wall.end), thickness_m=thickness_m, doorways=doorways)
-
-
 def _outline(walls: list[WallLine]) -> Polygon:
-    """Return the outline of the floor plan: what the walls enclose, with their doorways closed."""
-    footprints = shapely.union_all([_shape(wall) for wall in walls])
+    """Return the outline of the floor plan along the centre lines of walls: what they enclose, with gaps closed."""
+    footprints = shapely.union_all([_shape(replace(wall, thickness_m=SINGLE_M)) for wall in walls])
     closed = footprints.buffer(0.45, join_style="mitre").buffer(-0.45, join_style="mitre")
     parts = [Polygon(part.exterior) for part in _polygons(closed)]
     whole = shapely.union_all(parts)
@@ -179,7 +112,7 @@ def _closing(walls: list[WallLine], room: Polygon) -> list[WallLine]:
     lines = [line for line in shapely.get_parts(shapely.line_merge(missing)) if isinstance(line, shapely.LineString)]
     corners = [shapely.simplify(line, 0.03).coords for line in lines]
     return [
-        WallLine(_point(start), _point(end), _SINGLE_M)
+        WallLine(_point(start), _point(end), SINGLE_M)
         for line in corners
         for start, end in itertools.pairwise(line)
         if math.dist(start, end) > 0.05

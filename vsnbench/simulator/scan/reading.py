@@ -4,7 +4,6 @@ import contextlib
 import importlib.util
 import io
 import logging
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,14 +17,11 @@ from vsnbench.files.regular import open_regular
 from vsnbench.installation import command_to_add
 from vsnbench.simulator.rendering.scan.mesh import (
     MOST_BYTES,
-    MOST_TEXELS,
     MOST_TEXTURES,
     MOST_TRIANGLES,
-    TEXTURE_STEP,
     Bytes,
     ScanMesh,
 )
-from vsnbench.simulator.rendering.scan.pixels import fill_holes, mark_triangles
 from vsnbench.simulator.rendering.scan.splats import Splats
 from vsnbench.simulator.scan.glb import check_glb
 from vsnbench.simulator.scan.splat_files import (
@@ -36,14 +32,13 @@ from vsnbench.simulator.scan.splat_files import (
     read_spz,
     surfaces,
 )
+from vsnbench.simulator.scan.textures import fill_unused, texture_pixels
 
 _UP: Final = {".glb": "y", ".obj": "y", ".ply": "z", ".spz": "y"}
 """Axis that points up, by the kind of file."""
 _MOST_IMAGE_BYTES = 100_000_000
 _MOST_MATERIAL_BYTES = 1_000_000
 _HEADER_BYTES = 16_384
-_MOST_OVERLAPS = 10
-_FORMATS = ("PNG", "JPEG", "WEBP")
 _DECIMATE = "decimate it in the scanning app, or in MeshLab (Quadric Edge Collapse Decimation)"
 _GREY = (160, 160, 160)
 
@@ -224,9 +219,22 @@ def _geometries(data: bytes, kind: str, files: dict[str, bytes]) -> list[Any]:
     try:
         with _quiet(), np.errstate(all="ignore"):
             scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=files, process=False)
-            return [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+            return [
+                _placed(part, matrix)
+                for matrix, name in (scene.graph[node] for node in scene.graph.nodes_geometry)
+                if isinstance(part := scene.geometry[name], trimesh.Trimesh) and len(part.faces)
+            ]
     except Exception as problem:  # a parser of broken files fails in any way
         raise ValueError((str(problem).splitlines() or [type(problem).__name__])[0]) from problem
+
+
+def _placed(part: Any, matrix: Any) -> Any:
+    """Return a copy of a part at its place in the scene; trimesh's copy lacks colours of vertices with a material."""
+    placed = part.copy()
+    placed.apply_transform(matrix)
+    if part.visual.kind == "texture":
+        placed.visual.vertex_attributes = part.visual.vertex_attributes
+    return placed
 
 
 def _joined(parts: list[Any]) -> ScanMesh:
@@ -268,15 +276,17 @@ def _joined(parts: list[Any]) -> ScanMesh:
         np.concatenate(texture)[whole],
         corners[whole].astype(np.float32),
     )
-    pictures = _pixels(images)
+    pictures = texture_pixels(images)
     for index, picture in enumerate(pictures):
-        _fill_unused(picture, mesh.uv[mesh.texture == index])
+        fill_unused(picture, mesh.uv[mesh.texture == index])
     values = (mesh.vertices, mesh.faces, mesh.colors, mesh.texture, mesh.uv)
     return ScanMesh(*values, textures=tuple(pictures))
 
 
 def _look_of(part: Any, count: int) -> tuple[Any, npt.NDArray[np.float64], Bytes]:
     """Return the image (or None), the (V, 2) texture coordinates and the (V, 3) colours of a part."""
+    import trimesh
+
     nowhere = np.zeros((count, 2))
     colors = np.tile(np.array(_GREY, np.uint8), (count, 1))
     visual = part.visual
@@ -289,53 +299,10 @@ def _look_of(part: Any, count: int) -> tuple[Any, npt.NDArray[np.float64], Bytes
         coordinates = visual.uv
         if image is not None and coordinates is not None and np.shape(coordinates) == (count, 2):
             return image, np.asarray(coordinates, np.float64) * [1.0, -1.0] + [0.0, 1.0], colors
+        own = visual.vertex_attributes.get("color")
+        if image is None and own is not None and len(own) == count:
+            return None, nowhere, np.asarray(trimesh.visual.to_rgba(own), np.uint8)[:, :3]
         colors[:] = np.asarray(material.main_color)[:3]
     except Exception as problem:
         raise ValueError(f"its colours cannot be read ({type(problem).__name__})") from problem
     return None, nowhere, colors
-
-
-def _pixels(images: list[Any]) -> list[Bytes]:
-    """Return the pixels of images, scaled to sides that are multiples of TEXTURE_STEP and to MOST_TEXELS in total."""
-    import cv2
-
-    if len(images) > MOST_TEXTURES:
-        raise ValueError(f"it has more than {MOST_TEXTURES} textures")
-    if not all(isinstance(getattr(image, "size", None), tuple) for image in images):
-        raise ValueError("a texture is not an image")
-    sizes = [image.size for image in images]
-    if any(image.format not in (*_FORMATS, None) for image in images):
-        raise ValueError("a texture is neither PNG, JPEG nor WebP")
-    if any(width * height > 2 * MOST_TEXELS for width, height in sizes):
-        raise ValueError(f"a texture has more than {2 * MOST_TEXELS:,} pixels")
-    total = sum(width * height for width, height in sizes)
-    shrink = min(1.0, math.sqrt(0.9 * MOST_TEXELS / max(total, 1)), *(4096 / max(size) for size in sizes))
-    pictures = []
-    for image in images:
-        try:
-            pixels = np.asarray(image.convert("RGB"), np.uint8)
-        except Exception as problem:
-            raise ValueError(f"a texture cannot be decoded ({type(problem).__name__})") from problem
-        high, wide = (max(round(side * shrink / TEXTURE_STEP), 1) * TEXTURE_STEP for side in pixels.shape[:2])
-        if (high, wide) != pixels.shape[:2]:
-            smaller = wide * high < pixels.shape[0] * pixels.shape[1]
-            pixels = np.asarray(
-                cv2.resize(pixels, (wide, high), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR),
-                np.uint8,
-            )
-        pictures.append(np.ascontiguousarray(pixels).copy())
-    return pictures
-
-
-def _fill_unused(picture: Bytes, uv: npt.NDArray[np.float32]) -> None:
-    """Fill the pixels of a texture that no triangle shows, so that its smaller sizes have no foreign colours."""
-    if not ((uv > -0.01) & (uv < 1.01)).all():
-        return  # it repeats
-    corners = uv * np.array(picture.shape[1::-1], np.float32)
-    boxes = (corners.max(axis=1) - corners.min(axis=1) + 3).astype(np.float64).prod(axis=1)
-    if boxes.sum() > _MOST_OVERLAPS * picture.size:
-        return  # triangles share its pixels
-    shown = np.zeros(picture.shape[:2], np.bool_)
-    mark_triangles(corners, shown)
-    if not shown.all() and shown.any():
-        fill_holes(picture, shown)

@@ -84,13 +84,14 @@ def straightened(line: WallLine, main_rad: float) -> WallLine:
 
 def with_closed_corners(walls: list[WallLine], grid: PlanGrid) -> list[WallLine]:
     """Return walls with each end moved onto the centre line of a wall that it nearly meets, unless cells between
-    them are known to be free.
+    them are known to be free. A wall of which this leaves less than a cell is left out.
     """
     closed = []
     for wall in walls:
         start = _corner(np.array(wall.start), np.array(wall.end), wall, walls, grid)
         end = _corner(np.array(wall.end), np.array(wall.start), wall, walls, grid)
-        closed.append(replace(wall, start=_pair(start), end=_pair(end)))
+        if float((end - start) @ (np.array(wall.end) - wall.start)) > grid.resolution_m * wall.length_m:
+            closed.append(replace(wall, start=_pair(start), end=_pair(end)))
     return closed
 
 

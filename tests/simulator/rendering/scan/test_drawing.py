@@ -1,6 +1,7 @@
 """Pixels of a scan: depth, colours, holes and labels."""
 
 import hashlib
+import itertools
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from tests.simulator.scan.rooms import SIZE_M, TABLE_M, of_quads, room
 from vsnbench.simulator.rendering.renderer import Eye, camera_axes
 from vsnbench.simulator.rendering.scan.drawing import ScanDrawer
 from vsnbench.simulator.rendering.scan.mesh import ScanMesh
+from vsnbench.simulator.rendering.scan.raster import CHUNK
 from vsnbench.sites.site import SiteObject
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 100.0
@@ -100,3 +102,31 @@ def test_labels_come_from_the_volumes_of_the_survey() -> None:
     assert is_table.sum() > 300
     assert (instance[is_table] == 1).mean() > 0.98
     assert (instance[~is_table] == 0).mean() > 0.98
+
+
+def test_chunks_behind_what_is_drawn_are_left_out_and_change_no_pixel() -> None:
+    steps = np.linspace(-2, 2, 41)
+    cells = [
+        [(x, b, d), (x, a, d), (x, a, c), (x, b, c)]
+        for x in (1.0, 4.0)
+        for a, b in itertools.pairwise(steps)
+        for c, d in itertools.pairwise(steps)
+    ]
+    drawer = ScanDrawer(of_quads(np.array(cells, float), textured=False))
+    view = (np.zeros(3), camera_axes(Eye(0, 0, 0, 0.1)), 80.0, 63.5, 47.5)
+
+    def drawn() -> tuple[np.ndarray, np.ndarray]:
+        rgb, depth = np.empty((96, 128, 3), np.uint8), np.empty((96, 128), np.float32)
+        drawer.look(view, rgb, depth)
+        return rgb, depth
+
+    chosen = drawn()
+    assert chosen[1].max() < 2.0
+    is_behind = (drawer._corners[..., 0].min(axis=1) > 3.0).reshape(-1, CHUNK).all(axis=1).repeat(CHUNK)
+    assert is_behind.sum() > 1000
+    hidden = drawer._corners[is_behind].copy()
+    drawer._corners[is_behind, :, 0] = 0.5  # not where its box is: it would be seen if it was drawn
+    assert all((one == other).all() for one, other in zip(drawn(), chosen, strict=True))
+    drawer._corners[is_behind] = hidden
+    drawer._boxes[:, 0], drawer._boxes[:, 1] = -9, 9  # nothing is hidden
+    assert all((one == other).all() for one, other in zip(drawn(), chosen, strict=True))

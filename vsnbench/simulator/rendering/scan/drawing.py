@@ -9,12 +9,11 @@ import shapely
 from vsnbench.simulator.rendering.raster import NEAR_M, nearest_first
 from vsnbench.simulator.rendering.scan.mesh import Bytes, Floats, Ints, ScanMesh
 from vsnbench.simulator.rendering.scan.pixels import fill_holes, label_points
-from vsnbench.simulator.rendering.scan.raster import LEVELS, draw_triangles, shade_triangles
+from vsnbench.simulator.rendering.scan.raster import CHUNK, draw_triangles
+from vsnbench.simulator.rendering.scan.shading import LEVELS, shade_triangles
 from vsnbench.sites.geometry.walls import top_m
 from vsnbench.sites.site import SiteObject
 
-_CHUNK = 128
-"""Triangles that are tested against the view together."""
 _CELL_M = 0.02
 _AROUND_M = 0.03
 """How far surfaces of an object may lie outside its surveyed volume, on the floor plan and upwards."""
@@ -34,9 +33,9 @@ class ScanDrawer:
         self._splats = mesh.splats
         if self._splats is not None:
             self._splats = self._splats.chosen(_along_a_curve(self._splats.centres))
-            self._centres, self._radii = _spheres(self._splats.centres[:, None])
+            self._centres, self._radii = _spheres(_boxes(self._splats.centres[:, None]))
             widest = np.sqrt(self._splats.spreads[:, [0, 3, 5]].max(axis=1).clip(0)).astype(np.float64)
-            self._radii += 3 * np.maximum.reduceat(widest, np.arange(0, len(widest), _CHUNK))
+            self._radii += 3 * np.maximum.reduceat(widest, np.arange(0, len(widest), CHUNK))
             return
         order = _along_a_curve(mesh.vertices[mesh.faces].mean(axis=1))
         self._corners = np.ascontiguousarray(mesh.corners[order])
@@ -44,7 +43,8 @@ class ScanDrawer:
         self._paint = _paint(mesh, order)
         self._sizes, self._starts, self._texels = _pyramids(mesh.textures)
         self._density = _density(self._corners, self._paint, self._texture, self._sizes)
-        self._centres, self._radii = _spheres(self._corners)
+        self._boxes = _boxes(self._corners)
+        self._centres, self._radii = _spheres(self._boxes)
 
     def look(self, view: View, rgb: Bytes, depth_m: Floats) -> None:
         """Draw a view: colours (H, W, 3), and depth (H, W) along the optical axis, which is NaN in holes.
@@ -52,7 +52,7 @@ class ScanDrawer:
         A hole's colour is the mean of the known pixels around it, over a square that is as large as needed.
         """
         if self._splats is not None:
-            light = self._splats.draw(view, (np.flatnonzero(self._in_view(view, depth_m.shape)), _CHUNK), depth_m)
+            light = self._splats.draw(view, (np.flatnonzero(self._in_view(view, depth_m.shape)), CHUNK), depth_m)
             known = ~np.isnan(depth_m)
             rgb[:] = np.where(known[..., None], light[..., :3] / np.maximum(1 - light[..., 3:], 0.5) + 0.5, 0)
             if not known.all():
@@ -67,7 +67,7 @@ class ScanDrawer:
         """Return only the depth of `look`."""
         if self._splats is not None:
             depth_m = np.empty(shape, np.float32)
-            self._splats.draw(view, (np.flatnonzero(self._in_view(view, shape)), _CHUNK), depth_m)
+            self._splats.draw(view, (np.flatnonzero(self._in_view(view, shape)), CHUNK), depth_m)
             return depth_m
         nearness, _ = self._faces(view, shape)
         with np.errstate(divide="ignore"):
@@ -95,7 +95,7 @@ class ScanDrawer:
         seen.fill(-1)
         order = nearest_first(view[0], self._centres, self._radii)
         order = order[self._in_view(view, size)[order]]
-        draw_triangles(*view, self._corners, _CHUNK, order, nearness, seen)
+        draw_triangles(*view, self._corners, self._boxes, order, nearness, seen)
         return nearness, seen
 
     def _in_view(self, view: View, size: tuple[int, ...]) -> npt.NDArray[np.bool_]:
@@ -163,11 +163,17 @@ def _density(corners: Floats, paint: Floats, texture: Ints, sizes: npt.NDArray[n
     return density
 
 
-def _spheres(corners: Floats) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return centres (C, 3) and radii (C,) of spheres around chunks of triangles, or of points."""
-    starts = np.arange(0, len(corners), _CHUNK)
-    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0).astype(np.float64)
-    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0).astype(np.float64)
+def _boxes(corners: Floats) -> npt.NDArray[np.float64]:
+    """Return the lowest and highest coordinates (C, 2, 3) of chunks of triangles, or of points."""
+    starts = np.arange(0, len(corners), CHUNK)
+    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+    return np.stack([low, high], axis=1).astype(np.float64)
+
+
+def _spheres(boxes: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return centres (C, 3) and radii (C,) of the spheres around boxes."""
+    low, high = boxes[:, 0], boxes[:, 1]
     return (low + high) / 2, np.sqrt(((high - low) ** 2).sum(axis=1)) / 2 + 1e-6
 
 
