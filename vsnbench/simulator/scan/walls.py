@@ -59,10 +59,10 @@ def wall_lines(samples: Floats, facing: Floats) -> list[WallLine]:
 
     Args:
         samples: (N, 3) points.
-        facing: (N, 2) where their triangles face on the floor plan; 0 where that is unknown.
+        facing: (N, 2) where their triangles face on the floor plan, 0 for horizontal ones; all 0 if it is unknown.
     """
     length = np.sqrt((facing * facing).sum(axis=1))
-    upright = (length > _UPRIGHT) | (length == 0)
+    upright = (length > _UPRIGHT) | (not facing.any())
     inside = upright & (samples[:, 2] > _BAND_M[0]) & (samples[:, 2] < _BAND_M[0] + _LAYERS * _LAYER_M)
     if not inside.any():
         return []
@@ -162,7 +162,8 @@ def _closed(occupied: Bools) -> Bools:
 
 def _refined(wall: WallLine, points: Floats, ways: Floats, low_points: Floats) -> WallLine:
     """Return a wall moved onto its surfaces, without doorways through which only the camera could pass (windows)."""
-    right_m, left_m = surface_offsets(points, wall.start, wall.end, wall.thickness_m / 2 + CELL_M)
+    # The line through the cells is up to a cell beside the surface, and so is the surface in its cell.
+    right_m, left_m = surface_offsets(points, wall.start, wall.end, wall.thickness_m / 2 + 2 * CELL_M)
     along = (np.array(wall.end) - wall.start) / wall.length_m
     normal = np.array([-along[1], along[0]])
     if right_m is not None and left_m is not None and left_m - right_m > SINGLE_M:
