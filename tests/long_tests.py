@@ -515,7 +515,11 @@ LONG = {
         "the others of its file, with recorded answers",
         "test_finds_on_a_camera_image_what_torchvision_finds",
     ),
-    **_of("docs/test_reference_pages.py", "golden/test_golden.py", "test_the_page_of_headings_knows_every_heading_of_a_table"),
+    **_of(
+        "docs/test_reference_pages.py",
+        "golden/test_golden.py",
+        "test_the_page_of_headings_knows_every_heading_of_a_table",
+    ),
     **_of("docs/test_served_model.py", "models/remote/test_serving.py", "test_the_server_of_the_page_drives_a_trial"),
     **_of(
         "docs/test_commands.py",

@@ -19,7 +19,7 @@ import pytest
 
 HERE = Path(__file__).parent
 LIST = HERE / "slow_tests.txt"
-SLOW_S = 0.2
+SLOW_S = 0.14
 TIMES = Path(os.environ.get("PROCESSOR_TIMES", ".pytest_times"))
 
 SLOW = frozenset(LIST.read_text(encoding="utf-8").split())
