@@ -14,7 +14,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -142,7 +142,7 @@ def main() -> None:
         print(f"{'compared with ' + commit[:16]:30}  cpu s  ratios of: cpu  peak memory  bytes")
         for name, (now, before) in smallest(trees, options.rounds, options.trials).items():
             mine, theirs = ([min(values) for values in zip(*uses, strict=True)] for uses in (now, before))
-            ratios = [own / other for own, other in zip(mine, theirs, strict=True)]
+            ratios = [own / other if other else nan for own, other in zip(mine, theirs, strict=True)]
             print(f"{name:30} {mine[0]:6.2f} {ratios[0]:15.2f} {ratios[1]:12.2f} {ratios[2]:6.2f}")
 
 

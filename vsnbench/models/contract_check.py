@@ -298,11 +298,10 @@ def _line(error: BaseException) -> str:
 
 def line_and_place(error: BaseException) -> str:
     """Return a model's error and the last line of its own code in the traceback: `KeyError: 3 (mine.py, line 7)`."""
-    own = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<") and not any(map(Path(frame.filename).is_relative_to, _NOT_THE_MODEL))
-    ]
-    if not own or isinstance(error, VsnbenchError):
+    if isinstance(error, VsnbenchError):
         return _line(error)
-    return f"{_line(error)} ({sanitize(Path(own[-1].filename).name)}, line {own[-1].lineno})"
+    for frame, number in reversed(list(traceback.walk_tb(error.__traceback__))):  # reads no source, so runs no loader
+        file = Path(frame.f_code.co_filename)
+        if not (file.name.startswith("<") or any(map(file.is_relative_to, _NOT_THE_MODEL))):
+            return f"{_line(error)} ({sanitize(file.name)}, line {number})"
+    return _line(error)

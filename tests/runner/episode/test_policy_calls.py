@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -158,22 +159,43 @@ def test_a_policy_does_not_change_how_later_results_are_rounded(fails: bool) -> 
     assert mathematics.fegetround() == usual
 
 
+def logged(caplog: pytest.LogCaptureFixture, level: str) -> list[str]:
+    return [record.getMessage() for record in caplog.records if record.levelname == level]
+
+
+def test_a_failure_is_one_line_with_its_place_and_the_traceback_is_for_who_wants_more(
+    caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("def act(observation):\n    return {}['layer']\n")
+    names: dict[str, Callable[[Observation], Action]] = {}
+    exec(compile(file.read_text(), file, "exec"), names)
+    run(Answering(names["act"]), StandInRobot(), MemoryRecorder())
+    assert caplog.messages == ["model answering failed in act: KeyError: 'layer' (mine.py, line 2)"]
+    caplog.clear()
+    with caplog.at_level("INFO", "vsnbench"):
+        run(Answering(names["act"]), StandInRobot(), MemoryRecorder())
+    assert logged(caplog, "ERROR") == ["model answering failed in act: KeyError: 'layer' (mine.py, line 2)"]
+    (more,) = logged(caplog, "INFO")
+    assert "return {}['layer']" in more
+    assert 'runner/episode/policy_calls.py", line' not in more.replace("tests/runner", "")
+
+
 def test_a_stated_failure_is_logged_with_the_models_frames_and_not_ours(caplog: pytest.LogCaptureFixture) -> None:
     failure = ModelError("sent an invalid message")
     failure.add_note("In the model's own process:\nnet.py, line 7")
-    run(Answering(fail_with(failure)), StandInRobot(), MemoryRecorder())
-    assert [record.getMessage() for record in caplog.records if record.levelname == "ERROR"] == [
-        "model answering failed in act: sent an invalid message\nIn the model's own process:\nnet.py, line 7"
-    ]
+    with caplog.at_level("INFO", "vsnbench"):
+        run(Answering(fail_with(failure)), StandInRobot(), MemoryRecorder())
+    assert logged(caplog, "ERROR") == ["model answering failed in act: sent an invalid message"]
+    assert logged(caplog, "INFO") == ["model answering in act:\nIn the model's own process:\nnet.py, line 7"]
 
 
 def test_want_of_memory_is_one_line_with_its_remedy_and_not_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
-    outcome = run(Answering(fail_with(MemoryError("4 GiB"))), StandInRobot(), MemoryRecorder())
+    with caplog.at_level("INFO", "vsnbench"):
+        outcome = run(Answering(fail_with(MemoryError("4 GiB"))), StandInRobot(), MemoryRecorder())
     assert outcome.error.startswith("act: there is not enough memory; ")
     assert outcome.error.endswith("(MemoryError: 4 GiB)")
-    assert [record.getMessage() for record in caplog.records] == [
-        f"model answering, {outcome.error}",
-    ]
+    assert caplog.messages == [f"model answering failed in {outcome.error}"]
 
 
 def test_an_exit_in_reset_is_a_model_error() -> None:
@@ -213,9 +235,10 @@ def test_an_error_whose_text_hangs_is_recorded_without_it(monkeypatch: pytest.Mo
 
 
 def test_a_traceback_is_sanitized(caplog: pytest.LogCaptureFixture) -> None:
-    run(Answering(fail_with(ValueError("\x1b[31mred"))), StandInRobot(), MemoryRecorder())
-    assert "\\x1b[31mred" in caplog.text
-    assert "\x1b" not in caplog.text
+    with caplog.at_level("INFO", "vsnbench"):
+        run(Answering(fail_with(ValueError("\x1b[31mred"))), StandInRobot(), MemoryRecorder())
+    assert all("\\x1b[31mred" in text and "\x1b" not in text for text in caplog.messages)
+    assert len(caplog.messages) == 2
 
 
 def swallow(then: Callable[[], Decision]) -> Callable[[Observation], Decision]:

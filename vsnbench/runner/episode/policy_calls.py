@@ -15,6 +15,7 @@ from dataclasses import replace
 from vsnbench.errors import DecisionError, ModelError, ModelLostError, VsnbenchError
 from vsnbench.models import loaded
 from vsnbench.models.contract import Policy
+from vsnbench.models.contract_check import line_and_place
 from vsnbench.models.fit.decision import fitting_decision, without_tilt
 from vsnbench.models.fit.goal import goal_for
 from vsnbench.models.process_exit import take_refused_exit
@@ -182,19 +183,21 @@ class PolicyCalls:
             raise failure from None
 
     def _failure(self, where: str, error: BaseException) -> VsnbenchError | PolicyFailedError:
-        """Log the traceback for the policy's author, and return the error to record."""
+        """Log a line, for the policy's author also the traceback at level info, and return the error to record."""
         if isinstance(error, ModelLostError):
             return ModelLostError(error_line(error, named=False))
         if isinstance(error, DecisionError):
             line = error_line(error, named=False)
             return PolicyFailedError(f"{where}: not a decision that can be carried out and recorded: {line}")
         if type(error) is ModelError:  # states the failure; frames of this package would add nothing
-            notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
-            logger.error("model %s failed in %s: %s%s", self._name, where, error_line(error, named=False), notes)
+            line, more = error_line(error, named=False), "\n".join(getattr(error, "__notes__", ()))
         elif memory_problem(error):  # the machine's or the job's, and not of the model's code
-            logger.error("model %s, %s: %s", self._name, where, error_line(error))
+            line, more = error_line(error), ""
         else:
-            logger.error("model %s failed in %s:\n%s", self._name, where, _traceback(error))
+            line, more = line_and_place(error), _traceback(error) if logger.isEnabledFor(logging.INFO) else ""
+        logger.error("model %s failed in %s: %s", self._name, where, line)
+        if more:
+            logger.info("model %s in %s:\n%s", self._name, where, more)
         return PolicyFailedError(f"{where}: {error_line(error, named=type(error) is not ModelError)}")
 
 
