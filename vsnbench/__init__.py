@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from vsnbench.values.pose import Pose
     from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 
-__version__ = "1.1.0.dev0"
+__version__ = "2.0.0"
 
 __all__ = [
     "Action",
