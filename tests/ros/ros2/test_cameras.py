@@ -35,6 +35,16 @@ def test_images_30_ms_apart_are_paired_and_60_ms_apart_refused(tmp_path: Path) -
             with pytest.raises(ClientError, match="left camera is 60 ms from that of the front camera") as far:
                 client("observe")
             assert (far.value.code, far.value.end_reason) == ("cameras-apart", "sensor_lost")
+            send_line(robot, "apart 0.0 5")  # one image a second from the left camera, five from the front one
+
+            def refused() -> str:
+                try:
+                    client("observe")
+                except ClientError as error:
+                    return error.code
+                return ""
+
+            wait_until(lambda: refused() == "cameras-apart", "an image of the front camera has none beside it")
             send_line(robot, "blind")
             with pytest.raises(ClientError):
                 client("observe")

@@ -5,7 +5,7 @@ It prints the times when it `moves` or `stands`, and when it is `commanded` to m
 Base: `silent`, `nan`, `jump`, `stuck`, `bumper`, `cliff`, `release`, `timeout S`. Camera: `blind`, `small`, `past`,
 `frozen` (the same colours with new stamps), `half` (no depth in the left half), `slow` (one image per second), `late`
 (0.3 s after its stamp); `frozen+half` is both. `apart S`: every camera sends five images a second, the left one's are
-stamped S earlier. Either: `good`; `where` says where the base truly is. Arguments:
+stamped S earlier; `apart S N`: only each Nth of them. Either: `good`; `where` says where the base truly is. Arguments:
 `--stamped` listens to TwistStamped, `--noise DEG M` is white noise of the odometry, at rest as well.
 """
 
@@ -57,6 +57,7 @@ sys.stdout.write("up\n")
 sys.stdout.flush()
 pose, offset_m, fault, timeout_s = Pose(0.0, 0.0, 0.6), 0.0, "good", 1000.0
 apart_s: float | None = None
+every, images = 1, 0
 rng, colors = np.random.default_rng(0), None
 current, heard_s, moved, commanded = Twist(), -math.inf, False, False
 pressed, cliffs = False, ()
@@ -82,7 +83,7 @@ while True:
         elif word == "timeout":
             timeout_s = float(rest[0])
         elif word == "apart":
-            apart_s = float(rest[0])
+            apart_s, every = float(rest[0]), int(rest[1]) if rest[1:] else 1
         else:
             fault = word
     while not heard.empty():
@@ -126,6 +127,7 @@ while True:
             wall[:, :32] = 0
         color.publish(image_message(colors, "rgb8", taken_s))
         depth.publish(image_message(wall, "16UC1", taken_s))
-        if apart_s is not None:
+        images += 1
+        if apart_s is not None and images % every == 0:
             left_color.publish(image_message(colors, "rgb8", taken_s - apart_s))
             left_depth.publish(image_message(wall, "16UC1", taken_s - apart_s))
