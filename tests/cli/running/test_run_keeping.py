@@ -97,14 +97,16 @@ def test_rerun_copies_are_made_at_once_only_with_an_operator(usual: KeepFiles, o
     assert [what_to_keep(keep, **options) for keep in KeepFiles] == list(KeepFiles)
 
 
-def test_a_run_says_what_it_keeps(typed: Typed, tmp_path: Path) -> None:
+def test_a_run_says_what_it_keeps_in_a_new_record_or_that_it_keeps_nothing(typed: Typed, tmp_path: Path) -> None:
+    results = str(tmp_path / "results")
     for words, said in (
-        ((), "--keep images: images are kept"),
-        (("--keep", "none"), "--keep none: no images"),
+        ((), ["--keep images: images are kept; `vsnbench view` makes Rerun's copy"]),
+        (("--repetitions", "2"), []),
+        (("--repetitions", "3", "--keep", "none"), ["--keep none: no images are kept"]),
     ):
-        answer = typed("run", *WORDS, *words, "--results", str(tmp_path / str(len(words))))
+        answer = typed("run", *WORDS, *words, "--results", results)
         assert answer.code == 0
-        assert answer.err.count(said) == 1
+        assert [line for line in answer.err.splitlines() if line.startswith("--keep")] == said
 
 
 def test_a_real_robots_images_are_always_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,8 +62,7 @@ def run_planned(sweep: Sweep, request: RunRequest, *, live: bool = False) -> lis
             pace = time_models(sweep, pace, OperatorProvider(unattended=True))
         cost = cost_of(sweep, pace)
     console.print(cost_line(cost))
-    console.print(f"[dim]--keep {request.setup.keep}: {request.setup.keep.description}[/dim]")
-    if note := request.results.new_record_note:
+    if note := request.setup.keep.note(request.results.new_record_note):
         console.print(f"[dim]{escape(note)}[/dim]")
     with RerunEpisodes(live=live) as viewer:
         swept = list(run_sweep(sweep, OperatorProvider(), viewer))

@@ -43,6 +43,11 @@ class KeepFiles(StrEnum):
             KeepFiles.NONE: "no images are kept",
         }[self]
 
+    def note(self, new_record: str) -> str:
+        """Message of a run: what is kept, if images are not or the record is new, and the note of a new record."""
+        kept = f"--keep {self}: {self.description}" if new_record or self is KeepFiles.NONE else ""
+        return "\n".join(filter(None, (kept, new_record)))
+
 
 @dataclass(frozen=True, slots=True)
 class ResultsDirectory:

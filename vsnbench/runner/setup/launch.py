@@ -106,7 +106,7 @@ def launch(
             label=f"{robots.description.card.name} in {spec.site.name}{disturbed}",
             trials=TrialCounts(len(campaign.trials), len(outcomes), sum(outcomes)),
             campaign_ids=(campaign.id,),
-            recording_note="\n".join(filter(None, (f"--keep {spec.keep}: {spec.keep.description}", note))),
+            recording_note=spec.keep.note(note),
         )
         limit = VoidLimit(1 if request.fail_fast else DEFAULT_VOID_LIMIT)
         result = run_session(session, operators, lambda begun: CampaignSource(begun, campaign, limit))
