@@ -175,7 +175,7 @@ def _card(summary: ConditionSummary, total: Group, goals: Sequence[str] = ()) ->
     interval = total.interval
     known = total.episodes > 0
     low, high = (100 * interval.low, 100 * interval.high) if known else (0.0, 0.0)
-    rate = f"{100 * total.success_rate:.1f} %" if known else "–"
+    rate = f"{100 * total.success_rate:.1f}\N{NO-BREAK SPACE}%" if known else "–"
     span = f"[{low:.1f}, {high:.1f}]" if known else ""
     words = f"{total.successes}/{total.episodes} episodes, {total.episodes}/{total.planned} trials completed"
     if goals:

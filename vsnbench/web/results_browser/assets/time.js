@@ -77,7 +77,7 @@ class TimeView {
     });
     lines.sort((a, b) => this.models.indexOf(a.model) - this.models.indexOf(b.model) || (a.first < b.first ? -1 : 1));
     return tableOf("successes by version", ["model", "version", "first day", "last day", "k/n", "success"], lines.map(({ model, version, first, last, share }) => [
-      make("span", {}, swatch(this.colors.get(model)), model), version || "–", make("span", { class: "day" }, first), make("span", { class: "day" }, last), shareText(share), `${Math.round((100 * share[0]) / share[1])} %`]));
+      make("span", {}, swatch(this.colors.get(model)), model), version || "–", make("span", { class: "day" }, first), make("span", { class: "day" }, last), shareText(share), `${Math.round((100 * share[0]) / share[1])}\u00a0%`]));
   }
 }
 
