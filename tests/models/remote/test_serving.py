@@ -323,11 +323,12 @@ class Agent:
 """
 
 
-def test_a_habitat_agent_runs_unchanged(tmp_path: Path) -> None:
+@pytest.mark.parametrize("settings", ["settings.json", '{"name": "mine", "arguments": {"turns": 2}}'])
+def test_a_habitat_agent_runs_unchanged(tmp_path: Path, settings: str) -> None:
     from tests.models.remote.servers import stub_server
 
     (tmp_path / "settings.json").write_text('{"name": "mine", "arguments": {"turns": 2}}')
-    arguments = ("--habitat-agent", "served_model:Agent", "--settings", "settings.json")
+    arguments = ("--habitat-agent", "served_model:Agent", "--settings", settings)
     with stub_server(AGENT, tmp_path, *arguments) as (url, _):
         policy = RemotePolicy(url)
         assert policy.card.name == "mine"
@@ -335,6 +336,29 @@ def test_a_habitat_agent_runs_unchanged(tmp_path: Path) -> None:
         policy.reset("sofa", 7)
         assert [policy.act(look()).raw_action for _ in range(3)] == ["2", "2", "0"]
         assert policy.act(look()).action.value == "STOP"
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ("absent.json", "No such file or directory: 'absent.json'"),
+        ('{"name": }', "not valid JSON: Expecting value: line 1 column 10"),
+        (__file__, "not valid JSON: "),
+        ("list.json", "not a JSON object"),
+    ],
+)
+def test_settings_that_cannot_be_read_are_one_line(
+    settings: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from vsnbench.models.remote.vsnbench_policy import main
+
+    monkeypatch.chdir(tmp_path)
+    Path("list.json").write_text("[1]")
+    with pytest.raises(SystemExit) as ended:
+        main(["served_model:Model", "--settings", settings])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 1
+    assert said in line
 
 
 def test_other_code_in_another_python_is_another_model(models_directory: Path) -> None:

@@ -1229,6 +1229,17 @@ def _load(name: str) -> Any:
     return found
 
 
+def _settings_of(text: str) -> dict[str, Any]:
+    """Return the settings of a JSON object, or of the file with one."""
+    try:
+        found = json.loads(text if text.lstrip().startswith("{") else Path(text).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"--settings {text}: not valid JSON: {error}") from error
+    if not isinstance(found, dict):
+        raise TypeError(f"--settings {text}: not a JSON object")
+    return found
+
+
 def is_loopback(host: str) -> bool:
     """Return whether a host name or address is a loopback address."""
     if host == "localhost":
@@ -1244,7 +1255,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="vsnbench_policy.py", description="Serve a model to vsnbench.")
     parser.add_argument("model", nargs="?", help="module:Class with reset(goal, seed) and act(observation)")
     parser.add_argument("--habitat-agent", metavar="module:Class", help="a Habitat agent instead of a model")
-    parser.add_argument("--settings", metavar="FILE", help="JSON file with keyword arguments or the agent's settings")
+    parser.add_argument(
+        "--settings", metavar="JSON", help="keyword arguments or the agent's settings: a JSON object or its file"
+    )
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to listen on; one other than loopback needs a token"
     )
@@ -1262,11 +1275,8 @@ def main(arguments: list[str] | None = None) -> None:
     if bool(chosen.model) == bool(chosen.habitat_agent):
         parser.error("name a model as module:Class, or an agent with --habitat-agent")
     logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
-    settings = {}
-    if chosen.settings:
-        with Path(chosen.settings).open(encoding="utf-8") as file:
-            settings = json.load(file)
     try:
+        settings = _settings_of(chosen.settings) if chosen.settings else {}
         factory = _load(chosen.model or chosen.habitat_agent)
         serve(
             (lambda: HabitatAgent(factory, settings)) if chosen.habitat_agent else (lambda: factory(**settings)),
