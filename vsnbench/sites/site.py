@@ -27,7 +27,7 @@ from vsnbench.settings.field_errors import FieldsError
 from vsnbench.settings.validation import SettingsFault
 from vsnbench.settings.yaml_file import CHECKING, DIRECTORY, parse_settings, read_settings, settings_faults
 from vsnbench.sites.categories import ALIASES, CATEGORIES, CATEGORY_WORD, GOAL_CATEGORIES, suggest_category
-from vsnbench.sites.fields import Color, Point, Slug, StrictModel, check_outline
+from vsnbench.sites.fields import Color, Heading, Point, Slug, StrictModel, check_outline
 from vsnbench.sites.goals import SiteGoal, check_references
 from vsnbench.sites.length_unit import check_rooms
 from vsnbench.sites.scan import SiteScan, content_sha256
@@ -129,7 +129,7 @@ class SiteObject(StrictModel):
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
     category: str
     position: Point
-    heading_deg: float = 0.0
+    heading_deg: Heading = 0.0
     size_m: tuple[
         Annotated[float, Field(ge=0.001, lt=20)],
         Annotated[float, Field(ge=0.001, lt=20)],
@@ -174,7 +174,7 @@ class StartingPosition(StrictModel):
 
     number: int = Field(ge=1, le=9999)
     position: Point
-    heading_deg: float
+    heading_deg: Heading
     note: str = ""
     not_for: list[Slug] = Field(default=[], description="goals without trials from this start")
 
