@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from importlib.metadata import distributions, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from vsnbench.errors import UsageError, VsnbenchError
@@ -15,6 +16,7 @@ from vsnbench.text.sanitize import error_line
 from vsnbench.text.suggestions import closest
 
 _LONGEST_SOURCE_BYTES = 2**20
+_LISTED = 5
 
 
 def plug_ins(group: str) -> dict[str, str]:
@@ -47,6 +49,13 @@ def import_factory(where: str, kind: str, name: str, error_class: type[VsnbenchE
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # importing a plug-in runs its code, which can raise anything
+        module = sys.modules.get(module_name)
+        if isinstance(error, AttributeError) and module is not None and error.obj is module:
+            raise error_class(
+                f"{kind} {name}: {module_name} has no {error.name}",
+                advice=_classes_advice(module, str(error.name)),
+                code="import-failed",
+            ) from error
         advice = _import_advice(module_name, error) if name == where else ""
         raise error_class(
             f"{kind} {name}: cannot import {where}: {error_line(error)}", advice=advice, code="import-failed"
@@ -54,6 +63,15 @@ def import_factory(where: str, kind: str, name: str, error_class: type[VsnbenchE
     if not callable(found):
         raise error_class(f"{kind} {name}: {where} is neither a class nor a function", code="not-callable")
     return found
+
+
+def _classes_advice(module: ModuleType, missing: str) -> str:
+    """Return advice about a class that a module does not have: the closest one, all of its own, or an empty string."""
+    classes = {name: kind for name, kind in vars(module).items() if isinstance(kind, type) and not name.startswith("_")}
+    if near := closest(missing, classes):
+        return f"did you mean {module.__name__}:{near}?"
+    own = [f"{module.__name__}:{name}" for name, kind in classes.items() if kind.__module__ == module.__name__]
+    return f"it has {' or '.join(own[:_LISTED])}" if own else ""
 
 
 def _import_advice(module_name: str, error: BaseException) -> str:

@@ -123,6 +123,13 @@ def test_a_plug_in_cannot_take_a_built_in_name(plug_in_module: str, monkeypatch:
     assert names.known_models().count("random") == 1
 
 
+def test_a_class_that_a_module_does_not_have_is_answered_with_the_closest(plug_in_module: str) -> None:
+    with pytest.raises(ModelError) as raised:
+        registry.create_policy(f"{plug_in_module}:Statu")
+    assert raised.value.statement == f"model {plug_in_module}:Statu: {plug_in_module} has no Statu"
+    assert raised.value.advice == f"did you mean {plug_in_module}:Statue?"
+
+
 def test_an_option_the_model_lacks_is_a_usage_error_that_names_the_options(plug_in_module: str) -> None:
     with pytest.raises(UsageError) as raised:
         registry.create_policy(f"{plug_in_module}:Statue", temperature=1.0)

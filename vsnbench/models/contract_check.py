@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import EnumType
 from pathlib import Path
 
 from vsnbench.errors import ModelError, ModelLostError, SensorNotDeclaredError, VsnbenchError
@@ -19,6 +20,7 @@ from vsnbench.models.synthetic import every_sensor, synthetic_camera, synthetic_
 from vsnbench.models.task import Task
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.text.sanitize import error_line, sanitize
+from vsnbench.text.suggestions import closest
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.observation import Observation
@@ -293,7 +295,15 @@ def _executed(decision: Decision) -> tuple[object, ...]:
 
 
 def _line(error: BaseException) -> str:
-    return str(error) if isinstance(error, VsnbenchError) else error_line(error)
+    return str(error) if isinstance(error, VsnbenchError) else error_line(error) + _meant(error)
+
+
+def _meant(error: BaseException) -> str:
+    """Return a suggestion for a mistyped member of an enumeration, such as Action; else an empty string."""
+    if not isinstance(error, AttributeError) or type(error.obj) is not EnumType or not isinstance(error.name, str):
+        return ""
+    near = closest(error.name, error.obj.__members__)
+    return f": did you mean {near}?" if near else ""
 
 
 def line_and_place(error: BaseException) -> str:

@@ -11,6 +11,7 @@ from vsnbench.models.contract import Policy
 from vsnbench.models.contract_check import line_and_place
 from vsnbench.models.names import is_address, is_stack, known_models, require_no_person
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
+from vsnbench.models.registry import invalid_card
 from vsnbench.plugins import file_of_module
 from vsnbench.text.suggestions import closest
 
@@ -111,6 +112,8 @@ def _imported(name: str, given: str) -> ModuleType:
                 advice=f"did you mean {near}?" if near else f"it is neither installed nor in {Path.cwd()}",
                 code="unknown-model",
             ) from error
+        if fault := invalid_card(given, given, error):
+            raise fault from error
         reason = take_refused_exit() or line_and_place(error)
         if isinstance(error, SystemExit):
             reason = f"it ends the process when it is imported: {reason}"

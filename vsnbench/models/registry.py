@@ -74,13 +74,19 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
         raise
     except BaseException as error:
         reason = take_refused_exit() or error_line(error)
-        raise _invalid_card(name, where, error) or _not_created(name, where, reason) from None
+        raise invalid_card(name, where, error) or _not_created(name, where, reason) from None
     if refused_exit := take_refused_exit():
         raise _not_created(name, where, refused_exit)
-    if not isinstance(policy, Policy) or not isinstance(getattr(policy, "card", None), ModelCard):
+    if not isinstance(policy, Policy):
         raise ModelError(
             f"model {name}: {where} is not a policy",
             advice="write `class MyModel(vsnbench.Policy)` with `card` (a vsnbench.ModelCard), `reset` and `act`",
+            code="not-a-policy",
+        )
+    if not isinstance(getattr(policy, "card", None), ModelCard):
+        raise ModelError(
+            f"model {name}: {where} has no card",
+            advice='set its `card`, for example `card = ModelCard("mine", sensors=frozenset({Sensor.RGB}))`',
             code="not-a-policy",
         )
     if type(policy).survey is not Policy.survey and not policy.needs_survey:
@@ -92,7 +98,7 @@ def _created(name: str, options: Mapping[str, Any]) -> Policy:
     try:
         copy_of(policy.card)
     except ValidationError as error:
-        raise _invalid_card(name, where, error) or error from error
+        raise invalid_card(name, where, error) or error from error
     if GoalKind.SEQUENCE in policy.card.goal_kinds and type(policy).next_goal is Policy.next_goal:
         raise ModelError(
             f"model {name}: its card says that it keeps its memory in a sequence, but it has no `next_goal`",
@@ -106,7 +112,7 @@ def _not_created(name: str, where: str, reason: str) -> ModelError:
     return ModelError(f"model {name}: cannot create {where}: {reason}", code="model-not-created")
 
 
-def _invalid_card(name: str, where: str, error: BaseException | None) -> ModelError | None:
+def invalid_card(name: str, where: str, error: BaseException | None) -> ModelError | None:
     """Return the error of a card that was refused when the model's code created it; None for other errors."""
     if not isinstance(error, ValidationError) or error.title != ModelCard.__name__:
         return None
@@ -142,7 +148,7 @@ def locate(name: str) -> tuple[str, Any]:
     try:
         return where, import_factory(where, "model", name, ModelError)
     except ModelError as error:
-        raise _invalid_card(name, where, error.__cause__) or error from error.__cause__
+        raise invalid_card(name, where, error.__cause__) or error from error.__cause__
 
 
 def keywords_of(factory: Any) -> dict[str, str]:

@@ -187,7 +187,7 @@ def narrowed(table: ReportTable, room: int) -> ReportTable:
     dropped = [column.heading for column in table.columns if column.heading not in kept]
     if not dropped:
         return compact
-    note = f"Left out at this width: {', '.join(dropped)}. A pipe has room for them."
+    note = f"Left out at this width: {', '.join(dropped)}; use a wider terminal or --json."
     return replace(compact, notes=(note, *compact.notes))
 
 

@@ -333,7 +333,8 @@ def site_file_faults(name_or_path: str | Path) -> list[SettingsFault]:
 def _site_file(name_or_path: str | Path) -> Path:
     path = embedded_sites().get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
-        advice = f"give an embedded site ({', '.join(embedded_sites())}) or the path of a site file"
+        embedded = ", ".join(embedded_sites())
+        advice = f"give an embedded site ({embedded}) or the path of a site file; `vsnbench init` writes one"
         if suggestion := closest(str(name_or_path), embedded_sites()):
             advice = f"did you mean {suggestion!r}?"
         raise UsageError(f"site {str(name_or_path)!r} does not exist", advice=advice, code="unknown-site")

@@ -228,7 +228,7 @@ def test_a_file_without_exactly_one_policy_is_refused_in_a_line(
         ("nowhere.policy", "no file, module or model nowhere.policy: it is neither installed nor in"),
         ("orcale", "no file, module or model orcale: did you mean oracle?"),
         ("mylab/", "mylab is a directory: name the file that has the policy: mylab/policy.py"),
-        ("mylab/policy.py:Other", "cannot import mylab.policy:Other"),
+        ("mylab/policy.py:Other", "mylab.policy has no Other; it has mylab.policy:Mine"),
         ("ws://127.0.0.1:1", "runs elsewhere"),
         ("human:ada", "a person"),
     ],

@@ -181,6 +181,12 @@ def test_a_failure_is_one_line_with_its_place_and_the_traceback_is_for_who_wants
     assert 'runner/episode/policy_calls.py", line' not in more.replace("tests/runner", "")
 
 
+def test_a_mistyped_action_is_suggested(caplog: pytest.LogCaptureFixture) -> None:
+    run(Answering(lambda _: Action.MOVE_FOWARD), StandInRobot(), MemoryRecorder())  # type: ignore[attr-defined]
+    (line,) = caplog.messages
+    assert "MOVE_FOWARD: did you mean MOVE_FORWARD? (test_policy_calls.py, line " in line
+
+
 def test_a_stated_failure_is_logged_with_the_models_frames_and_not_ours(caplog: pytest.LogCaptureFixture) -> None:
     failure = ModelError("sent an invalid message")
     failure.add_note("In the model's own process:\nnet.py, line 7")
