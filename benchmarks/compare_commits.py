@@ -96,7 +96,9 @@ def commands(number: int, trials: int) -> Mapping[str, tuple[list[str], str]]:
 
 
 def smallest(trees: tuple[Tree, Tree], rounds: int, trials: int) -> dict[str, tuple[list[Use], list[Use]]]:
-    """Return the measured values of both trees, by command; the first round compiles and is left out.
+    """Return the measured values of both trees, by command.
+
+    Of the first round, which compiles, only the trial counts: it has empty caches.
 
     A command that the other commit does not have yet is said and left out.
     """

@@ -16,7 +16,8 @@ from vsnbench.text.sanitize import error_line
 from vsnbench.text.suggestions import closest
 
 _LONGEST_SOURCE_BYTES = 2**20
-_LISTED = 5
+LISTED = 5
+"""Most classes that a message lists."""
 
 
 def plug_ins(group: str) -> dict[str, str]:
@@ -49,11 +50,11 @@ def import_factory(where: str, kind: str, name: str, error_class: type[VsnbenchE
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # importing a plug-in runs its code, which can raise anything
-        module = sys.modules.get(module_name)
-        if isinstance(error, AttributeError) and module is not None and error.obj is module:
+        module = error.obj if isinstance(error, AttributeError) else None
+        if isinstance(module, ModuleType) and module is sys.modules.get(module_name):
             raise error_class(
-                f"{kind} {name}: {module_name} has no {error.name}",
-                advice=_classes_advice(module, str(error.name)),
+                f"{kind} {name}: {module_name} has no {attribute}",
+                advice=_classes_advice(module, attribute),
                 code="import-failed",
             ) from error
         advice = _import_advice(module_name, error) if name == where else ""
@@ -67,11 +68,20 @@ def import_factory(where: str, kind: str, name: str, error_class: type[VsnbenchE
 
 def _classes_advice(module: ModuleType, missing: str) -> str:
     """Return advice about a class that a module does not have: the closest one, all of its own, or an empty string."""
-    classes = {name: kind for name, kind in vars(module).items() if isinstance(kind, type) and not name.startswith("_")}
-    if near := closest(missing, classes):
+    if near := closest(missing, (name for name, found in vars(module).items() if isinstance(found, type))):
         return f"did you mean {module.__name__}:{near}?"
-    own = [f"{module.__name__}:{name}" for name, kind in classes.items() if kind.__module__ == module.__name__]
-    return f"it has {' or '.join(own[:_LISTED])}" if own else ""
+    own = [f"{module.__name__}:{name}" for name in own_classes(module) if not name.startswith("_")]
+    return f"it has {' or '.join(own[:LISTED])}" if own else ""
+
+
+def own_classes(module: ModuleType) -> dict[str, type]:
+    """Return the classes that a module defines, by name; a package can import them from its own modules."""
+    inside = f"{module.__name__}."
+    return {
+        name: found
+        for name, found in vars(module).items()
+        if isinstance(found, type) and f"{found.__module__}.".startswith(inside)
+    }
 
 
 def _import_advice(module_name: str, error: BaseException) -> str:

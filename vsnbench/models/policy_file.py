@@ -12,10 +12,8 @@ from vsnbench.models.contract_check import line_and_place
 from vsnbench.models.names import is_address, is_stack, known_models, require_no_person
 from vsnbench.models.process_exit import process_exit_refused, take_refused_exit
 from vsnbench.models.registry import invalid_card
-from vsnbench.plugins import file_of_module
+from vsnbench.plugins import LISTED, file_of_module, own_classes
 from vsnbench.text.suggestions import closest
-
-_LISTED = 5
 
 
 def policy_name(given: str) -> tuple[str, Path | None]:
@@ -72,7 +70,7 @@ def _module_of(path: Path) -> tuple[str, Path]:
         UsageError: it is not a Python file.
     """
     if path.is_dir():
-        files = sorted(str(file) for file in path.glob("*.py") if file.name != "__init__.py")[:_LISTED]
+        files = sorted(str(file) for file in path.glob("*.py") if file.name != "__init__.py")[:LISTED]
         advice = f"name the file that has the policy: {' or '.join(files)}" if files else "name a Python file"
         raise UsageError(f"{path} is a directory", advice=advice, code="unknown-model")
     if not path.is_file():
@@ -124,16 +122,12 @@ def _imported(name: str, given: str) -> ModuleType:
 
 
 def _only_policy(module: ModuleType, given: str) -> str:
-    """Return the name of the only policy that a module defines; a package can import it from its own modules.
+    """Return the name of the only policy that a module defines.
 
     Raises:
         UsageError: there is none, or there are several.
     """
-    own = {
-        name: kind
-        for name, kind in vars(module).items()
-        if isinstance(kind, type) and f"{kind.__module__}.".startswith(f"{module.__name__}.")
-    }
+    own = own_classes(module)
     policies = [
         name
         for name, kind in own.items()
@@ -142,7 +136,7 @@ def _only_policy(module: ModuleType, given: str) -> str:
     if len(policies) == 1:
         return policies[0]
     if policies:
-        names = [f"{given}:{name}" for name in policies[:_LISTED]]
+        names = [f"{given}:{name}" for name in policies[:LISTED]]
         raise UsageError(
             f"{given} has {len(policies)} policies", advice=f"choose one: {' or '.join(names)}", code="several-policies"
         )

@@ -12,7 +12,7 @@ from vsnbench.sites.length_unit import check_coordinate
 Coordinate = Annotated[float, AfterValidator(check_coordinate)]
 Point = tuple[Coordinate, Coordinate]
 Heading = Annotated[float, Field(ge=-3600, le=3600)]
-"""Degrees; ten turns, so that its sine is exact enough."""
+"""Degrees, at most ten turns: far larger numbers overflow on the way to their sine."""
 Color = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 Slug = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=80)]
 """Name of a goal, in lower case without spaces."""
