@@ -8,7 +8,7 @@ import pytest
 
 from vsnbench.errors import SensorLostError, SensorNotDeclaredError
 from vsnbench.values.camera import Camera
-from vsnbench.values.observation import FIELD_OF, InstanceImage, Observation, Sensor, shown_to_policy
+from vsnbench.values.observation import InstanceImage, Observation, Sensor, shown_to_policy
 from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.6)
@@ -35,8 +35,8 @@ def test_a_policy_sees_the_sensor_on_its_card_and_no_other(sensor: Sensor) -> No
     assert (shown.stamp_s, shown.camera) == (3.0, CAMERA)
     for other in ALL - {sensor}:
         with pytest.raises(SensorNotDeclaredError, match=rf"add Sensor\.{other.name} to the card's sensors"):
-            getattr(shown, FIELD_OF[other])
-        assert not hasattr(shown, FIELD_OF[other])
+            getattr(shown, other.field)
+        assert not hasattr(shown, other.field)
     assert shown.sensing == {}
     assert (shown.depth_stamp_s is None) is (sensor is not Sensor.DEPTH)
 

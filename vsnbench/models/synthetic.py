@@ -1,17 +1,23 @@
 """Synthetic tasks and observations, with which a policy is tried without a robot."""
 
+from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from vsnbench.models.contract import Policy
 from vsnbench.models.task import RobotFacts, Task, task_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.values.camera import Camera, CameraRole
-from vsnbench.values.observation import Budget, InstanceImage, Observation, newest_of, with_changes
+from vsnbench.values.observation import ArraySpec, Budget, InstanceImage, Observation, Sensor, newest_of, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile
+
+_ANY_LENGTH = 90
+"""Length of a synthetic array's dimension whose length is not fixed."""
 
 
 def synthetic_observation(
@@ -56,22 +62,45 @@ def every_sensor(
     blind: bool = False,
     roles: AbstractSet[CameraRole] = frozenset(),
 ) -> Observation:
-    """Return noise for every sensor, the same for the same number; `blind` has black colours and no depth.
+    """Return noise for every sensor, the same for the same number; `blind` has black colours and no valid distances.
 
     Each of `roles` is a further camera with noise of its own.
     """
-    rng = np.random.default_rng(number)
-    rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
-    depth_m = rng.uniform(0.4, 8.0, (height, width)).astype(np.float32)
-    depth_m[:, : width // 8] = np.nan
-    if blind:
-        rgb[:], depth_m[:] = 0, np.nan
-    camera = synthetic_camera(width, height)
-    labels = InstanceImage((rng.integers(0, 3, (height, width))).astype(np.int32), {1: "chair", 2: "bed"})
-    pose = Pose(0.25 * number, 0.0, 0.1 * number)
+    rng, pose = np.random.default_rng(number), Pose(0.25 * number, 0.0, 0.1 * number)
+    measured: dict[str, Any] = {"pose": pose}
+    for sensor in Sensor:
+        if sensor is Sensor.INSTANCES:
+            ids = rng.integers(0, 3, (height, width)).astype(np.int32)
+            measured[sensor.field] = InstanceImage(ids, {1: "chair", 2: "bed"})
+        elif sensor.array is not None:
+            measured[sensor.field] = _noise(sensor.array, {"height": height, "width": width}, rng, blind=blind)
     further: dict[CameraRole, Observation] = {
         role: with_changes(every_sensor(number + shift, width, height, blind=blind), pose=pose, stamp_s=float(number))
         for shift, role in enumerate(CameraRole)
         if role in roles and role is not CameraRole.FRONT
     }
-    return Observation(rgb, depth_m, pose, float(number), camera, instances=labels, cameras=further)
+    return Observation(stamp_s=float(number), camera=synthetic_camera(width, height), cameras=further, **measured)
+
+
+def _noise(
+    spec: ArraySpec, lengths: Mapping[str, int], rng: np.random.Generator, *, blind: bool
+) -> npt.NDArray[np.generic]:
+    """Return noise in the form of a sensor; where NaN has a meaning, an eighth of each row is NaN.
+
+    Args:
+        spec: the form.
+        lengths: length of a dimension by name; others have `_ANY_LENGTH`.
+        rng: source of the noise.
+        blind: whether every value is NaN, or else 0.
+    """
+    low, high = spec.span
+    shape = tuple(length if isinstance(length, int) else lengths.get(length, _ANY_LENGTH) for length in spec.shape)
+    if np.issubdtype(spec.dtype, np.integer):
+        values = rng.integers(int(low), int(high) + 1, shape, spec.dtype)
+    else:
+        values = rng.uniform(low, high, shape).astype(spec.dtype)
+    if spec.nan:
+        values[..., : shape[-1] if blind else shape[-1] // 8] = np.nan
+    elif blind:
+        values[...] = 0
+    return values

@@ -16,7 +16,7 @@ from vsnbench.errors import RobotError
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import DrivingView, Robot, Watch
 from vsnbench.robots.driving_on import LOOK_PERIOD_S, DrivingOn
-from vsnbench.robots.simulated_camera import SimulatedCamera
+from vsnbench.robots.simulated_camera import SIMULATED_SENSORS, SimulatedCamera
 from vsnbench.robots.simulated_mover import SimulatedMover
 from vsnbench.sensing.movement_check import displacement_m, remaining_m
 from vsnbench.simulator.dynamics.driven_base import DrivenBase
@@ -53,7 +53,7 @@ class SimulatedRobot(Robot):
     rendered only if they are in `read`, or if noise depends on them.
     """
 
-    sensors = frozenset(Sensor)
+    sensors = SIMULATED_SENSORS
     renders_views = True
     drives_on = True
 

@@ -1,6 +1,6 @@
 """The cameras of a simulated robot: colours, depth and labels, with noise and motion blur."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from vsnbench.values.camera import Camera
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, observation_of, with_changes
 from vsnbench.values.pose import LEVEL, Pose
 from vsnbench.values.robot_profile import RobotProfile
+
+SIMULATED_SENSORS: Final = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.ODOMETRY, Sensor.INSTANCES})
+"""Sensors of a simulated robot."""
 
 
 class SimulatedCamera:

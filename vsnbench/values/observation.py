@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -13,24 +12,83 @@ from vsnbench.errors import SensorLostError, SensorNotDeclaredError
 from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.pose import Pose
 
-_Scalar = TypeVar("_Scalar", bound=np.generic)
-
-
 MAX_HISTORY: Final = 50
 """Most observations in the history of another one: as many as a chunk has parts."""
 MAX_PIXEL_BYTES: Final = 56 * 2**20
-"""Most bytes of images that an observation has together with those of its history, which fit into one message of the
+"""Most bytes of arrays that an observation has together with those of its history, which fit into one message of the
 wire."""
 
 
-class Sensor(StrEnum):
-    """Kind of measurement that a policy can require and a robot can provide."""
+@dataclass(frozen=True, slots=True)
+class ArraySpec:
+    """Form of the array that a sensor measures."""
 
-    RGB = "rgb"
-    DEPTH = "depth"
-    ODOMETRY = "odometry"
-    INSTANCES = "instances"
-    """Per-pixel object instances, only in simulation; for the simulated detector."""
+    dtype: type[np.generic]
+    shape: tuple[int | str, ...]
+    """Each dimension's length, or its name where any length is allowed. An array whose first two are `height` and
+    `width` is an image, which each camera of a robot has; any other array belongs to the robot."""
+    span: tuple[float, float]
+    """Lowest and highest value of the synthetic arrays with which `models check` tries a policy."""
+    unit: str = ""
+    nan: str = ""
+    """What NaN means in an array of floats; empty if every value is finite."""
+
+    @property
+    def is_image(self) -> bool:
+        """Whether it has the pixels of a camera's image."""
+        return self.shape[:2] == ("height", "width")
+
+    def fits(self, values: npt.NDArray[Any]) -> bool:
+        """Return whether an array has this form."""
+        if values.dtype != self.dtype or values.ndim != len(self.shape):
+            return False
+        if any(isinstance(length, int) and length != values.shape[axis] for axis, length in enumerate(self.shape)):
+            return False
+        return bool(self.nan) or values.dtype.kind != "f" or bool(np.isfinite(values).all())
+
+    def __str__(self) -> str:
+        name = np.dtype(self.dtype).name
+        return f"({', '.join(map(str, self.shape))}) {name}{'' if self.nan or name[0] != 'f' else ', finite'}"
+
+
+class Sensor(StrEnum):
+    """Kind of measurement that a policy can require and a robot can provide.
+
+    Each member is declared once, by its name on cards and the attributes below. Validation, private copies, messages,
+    the cards of served models, `models check` and the table in docs/wire.md follow from that.
+    """
+
+    field: str
+    """Field of `Observation` with the measurement."""
+    meaning: str
+    array: ArraySpec | None
+    """Form of the measurement; None if it is no array."""
+    is_sent: bool
+    """Whether a served policy can get it."""
+
+    RGB = ("rgb", "rgb", "red, green and blue", ArraySpec(np.uint8, ("height", "width", 3), span=(0, 255)))
+    DEPTH = (
+        "depth",
+        "depth_m",
+        "distance along the optical axis",
+        ArraySpec(np.float32, ("height", "width"), span=(0.4, 8.0), unit="m", nan="invalid"),
+    )
+    ODOMETRY = ("odometry", "pose", "pose since the start of the episode, by odometry")
+    INSTANCES = ("instances", "instances", "object at each pixel, by the simulator", None, False)
+    """Only in simulation; for the simulated detector."""
+
+    def __new__(  # noqa: D102 - a member's declaration
+        cls, name: str, field: str = "", meaning: str = "", array: ArraySpec | None = None, is_sent: bool = True
+    ) -> Self:
+        sensor = str.__new__(cls, name)
+        sensor._value_ = name
+        sensor.field, sensor.meaning, sensor.array, sensor.is_sent = field, meaning, array, is_sent
+        return sensor
+
+    @property
+    def is_of_camera(self) -> bool:
+        """Whether each of a robot's cameras has it; otherwise only the observation of the robot has it."""
+        return self.array is None or self.array.is_image
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +120,7 @@ class Observation:
     access to a sensor that is not on the policy's card raises SensorNotDeclaredError.
 
     Raises:
-        ValueError: an array has the wrong shape or type.
+        ValueError: an array has another form than its sensor declares.
     """
 
     rgb: npt.NDArray[np.uint8]
@@ -93,16 +151,15 @@ class Observation:
     last, and of the film of a robot that drives on. Only for a policy whose card asks for it."""
 
     def __post_init__(self) -> None:
-        rgb, depth_m = getattr(self, "rgb", None), getattr(self, "depth_m", None)
-        if rgb is not None and (rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8):
-            raise ValueError(f"rgb must be (H, W, 3) uint8, not {rgb.shape} {rgb.dtype}")
-        if depth_m is not None and (depth_m.ndim != 2 or depth_m.dtype != np.float32):
-            raise ValueError(f"depth must be (H, W) float32, not {depth_m.shape} {depth_m.dtype}")
+        for sensor in Sensor:
+            values = None if sensor.array is None else getattr(self, sensor.field, None)
+            if values is not None and sensor.array is not None and not sensor.array.fits(values):
+                raise ValueError(f"{sensor.field} must be {sensor.array}, not {values.shape} {values.dtype}")
 
     @property
     def sensors(self) -> frozenset[Sensor]:
         """Sensors with a measurement."""
-        return frozenset(sensor for sensor, name in FIELD_OF.items() if getattr(self, name, None) is not None)
+        return frozenset(sensor for sensor in Sensor if getattr(self, sensor.field, None) is not None)
 
     def __repr__(self) -> str:
         """Return a summary in one line."""
@@ -126,19 +183,13 @@ class Observation:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            sensor = next((sensor for sensor, field_name in FIELD_OF.items() if field_name == name), None)
+            sensor = next((sensor for sensor in Sensor if sensor.field == name), None)
             if sensor is None:
                 raise AttributeError(f"an observation has no {name!r}")
             raise SensorNotDeclaredError(
                 f"observation.{name} is not available: {sensor.value} is not on the model's card",
                 advice=f"add Sensor.{sensor.name} to the card's sensors",
             )
-
-
-FIELD_OF: Final = MappingProxyType(
-    {Sensor.RGB: "rgb", Sensor.DEPTH: "depth_m", Sensor.ODOMETRY: "pose", Sensor.INSTANCES: "instances"}
-)
-"""Field of an observation for each sensor."""
 
 
 def shown_to_policy(
@@ -157,30 +208,18 @@ def shown_to_policy(
     """
     if missing := sensors - observation.sensors:
         raise SensorLostError(f"the model needs {' and '.join(sorted(missing))}, which this observation lacks")
-    measured: dict[str, Any] = {
-        "depth_stamp_s": observation.depth_stamp_s if Sensor.DEPTH in sensors else None,
-        "budget": budget,
-    }
+    measured: dict[str, Any] = {sensor.field: _private(getattr(observation, sensor.field)) for sensor in sensors}
+    measured["budget"] = budget
+    if Sensor.DEPTH in sensors:
+        measured["depth_stamp_s"] = observation.depth_stamp_s
+        measured["beyond_range"] = _private(observation.beyond_range)
     if observation.history:
         measured["history"] = tuple(shown_to_policy(earlier, sensors, roles=roles) for earlier in observation.history)
     if further := sorted(roles - {CameraRole.FRONT}):
         if lost := [role for role in further if role not in observation.cameras]:
             raise SensorLostError(f"the model needs the {' and '.join(lost)} camera, which this observation lacks")
-        measured["cameras"] = {role: shown_to_policy(observation.cameras[role], sensors) for role in further}
-    if Sensor.RGB in sensors:
-        measured["rgb"] = _private(observation.rgb)
-    if Sensor.DEPTH in sensors and observation.depth_m is not None:
-        measured["depth_m"] = _private(observation.depth_m)
-        if observation.beyond_range is not None:
-            measured["beyond_range"] = _private(observation.beyond_range)
-    if Sensor.ODOMETRY in sensors:
-        pose = observation.pose
-        measured["pose"] = pose.wrapped
-    if Sensor.INSTANCES in sensors and observation.instances is not None:
-        labels = observation.instances
-        ids = labels.ids.view()  # no copy: neither depth guard nor record uses the simulator's labels
-        ids.flags.writeable = False
-        measured["instances"] = InstanceImage(ids, dict(labels.categories))
+        of_camera = frozenset(sensor for sensor in sensors if sensor.is_of_camera)
+        measured["cameras"] = {role: shown_to_policy(observation.cameras[role], of_camera) for role in further}
     return observation_of(observation.stamp_s, observation.camera.model_copy(), **measured)
 
 
@@ -193,7 +232,7 @@ def observation_of(stamp_s: float, camera: Camera, **measured: Any) -> Observati
         measured: values of other fields.
 
     Raises:
-        ValueError: an array has the wrong shape or type.
+        ValueError: an array has another form than its sensor declares.
     """
     made = object.__new__(Observation)
     absent = dict.fromkeys(("depth_stamp_s", "beyond_range", "depth_frame_digest", "budget"))
@@ -215,7 +254,7 @@ def with_changes(observation: Observation, **changes: Any) -> Observation:
     """Return an observation with other values in some fields; sensors without a measurement stay so.
 
     Raises:
-        ValueError: an array has the wrong shape or type.
+        ValueError: an array has another form than its sensor declares.
     """
     return observation_of(**{**observation.__getstate__(), **changes})
 
@@ -229,22 +268,31 @@ def newest_of(history: Sequence[Observation], observation: Observation, most: in
         most: number that its model asks for.
     """
     kept: list[Observation] = []
-    left = MAX_PIXEL_BYTES - _pixel_bytes(observation)
+    left = MAX_PIXEL_BYTES - _array_bytes(observation)
     for earlier in reversed(history[-most:] if most else ()):
-        left -= _pixel_bytes(earlier)
+        left -= _array_bytes(earlier)
         if left < 0:
             break
         kept.append(earlier)
     return tuple(reversed(kept))
 
 
-def _pixel_bytes(observation: Observation) -> int:
-    arrays = (getattr(observation, FIELD_OF[sensor], None) for sensor in (Sensor.RGB, Sensor.DEPTH))
+def _array_bytes(observation: Observation) -> int:
+    arrays = [getattr(observation, sensor.field, None) for sensor in Sensor if sensor.array is not None]
     own = sum(int(array.nbytes) for array in arrays if array is not None)
-    return own + sum(map(_pixel_bytes, observation.cameras.values()))
+    return own + sum(map(_array_bytes, observation.cameras.values()))
 
 
-def _private(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
-    copy = np.array(array, order="C", copy=True)
+def _private(value: Any) -> Any:
+    """Return a copy of a measurement that a policy may keep: a read-only array, or an immutable value."""
+    if value is None:
+        return None
+    if isinstance(value, Pose):
+        return value.wrapped
+    if isinstance(value, InstanceImage):
+        ids = value.ids.view()  # no copy: neither depth guard nor record uses the simulator's labels
+        ids.flags.writeable = False
+        return InstanceImage(ids, dict(value.categories))
+    copy = np.array(value, order="C", copy=True)
     copy.flags.writeable = False
     return copy

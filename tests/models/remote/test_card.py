@@ -4,6 +4,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -15,6 +16,7 @@ from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.results.writing.campaigns import card_of_row, model_row, model_sha256
 from vsnbench.settings.validation import first_error
 from vsnbench.values.action import TILTS, Action, ActionKind
+from vsnbench.values.encoding.codec import FURTHER_ARRAYS
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor, ModelCard
 from vsnbench.values.model.trained_camera import TrainedCamera
@@ -92,7 +94,8 @@ def test_the_page_of_the_wire_lists_every_field_and_what_is_not_the_identity() -
 def test_the_stand_alone_file_knows_the_same_names() -> None:
     assert set(wire.ACTION_KINDS) == set(ActionKind)
     assert set(wire.GOAL_KINDS) == set(GoalKind)
-    assert set(wire.SENSORS) == set(Sensor) - {Sensor.INSTANCES}
+    assert set(wire.SENSORS) == {sensor for sensor in Sensor if sensor.is_sent} - set(FURTHER_ARRAYS)
+    assert {np.dtype(sensor.array.dtype).name for sensor in Sensor if sensor.array} <= set(wire.ARRAY_TYPES)
     assert set(wire.TILTS) == TILTS
     assert wire.MAX_HISTORY == MAX_HISTORY == MAX_PARTS
     assert set(wire.ACTIONS) == {a for a in Action if not a.has_parameters} - TILTS

@@ -33,7 +33,9 @@ class Model:
 """
 IMAGE = {"encoding": "raw", "height": 2, "width": 2, "data": bytes(12)}
 DEPTH = {"encoding": "f32", "height": 2, "width": 2, "data": bytes(16)}
+ARRAYS = {"scan_m": {"dtype": "float32", "shape": [2, 3], "data": bytes(24)}}
 ACT = {"type": "act", "seq": 3, "stamp_s": 1.0, "camera": {}, "rgb": IMAGE, "depth": DEPTH, "pose": [0.0, 0.0, 0.0]}
+ACT |= {"arrays": ARRAYS}
 QUESTIONS = [ACT, {"type": "reset", "seq": 1, "goal": "chair", "seed": 1}, {"type": "hello", "wire": 2, "token": ""}]
 DECISION = {
     "type": "decision",

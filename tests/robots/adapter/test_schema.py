@@ -12,6 +12,7 @@ from referencing import Registry, Resource
 
 from tests.robots.adapter.adapters import PlaneBase, driven, socket_adapter
 from vsnbench.models.remote import connection as wire
+from vsnbench.models.remote.vsnbench_policy import ARRAY_TYPES, MAX_DIMENSIONS
 from vsnbench.robots.adapter import connection
 from vsnbench.values.encoding.motion_answer import MotionRefusal
 from vsnbench.values.movement import Move, Trajectory, Velocity, Waypoint
@@ -69,6 +70,12 @@ def test_every_message_of_a_session_is_in_the_schema(tmp_path: Path, monkeypatch
 )
 def test_what_breaks_the_protocol_is_not_in_the_schema(message: dict[str, Any]) -> None:
     assert not validator("adapter").is_valid(message)
+
+
+def test_arrays_are_those_of_the_wire() -> None:
+    properties = SCHEMA["$defs"]["array"]["properties"]
+    assert properties["dtype"]["enum"] == list(ARRAY_TYPES)
+    assert properties["shape"]["maxItems"] == MAX_DIMENSIONS
 
 
 def test_page_schema_and_code_have_the_same_refusals() -> None:

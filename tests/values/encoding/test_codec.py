@@ -211,6 +211,45 @@ def test_undeclared_sensors_are_not_sent() -> None:
     assert (there.rgb, there.depth_m) == (None, None)
 
 
+SCAN = {"dtype": "float32", "shape": [2, 3], "data": np.arange(6, dtype="<f4").tobytes()}
+
+
+def test_arrays_are_attributes_of_what_a_server_receives() -> None:
+    thermal = {"dtype": "uint16", "shape": [1], "data": b"\x01\x02"}
+    there = received(observation_to_message(seen()) | {"arrays": {"scan_m": SCAN, "thermal": thermal}})
+    np.testing.assert_array_equal(there.scan_m, np.arange(6, dtype=np.float32).reshape(2, 3))
+    assert (there.scan_m.dtype, there.thermal.tolist()) == (np.float32, [0x0201])
+    assert not there.scan_m.flags.writeable
+    assert not hasattr(received(observation_to_message(seen())), "scan_m")
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        [SCAN],
+        {f"scan_{number}": SCAN for number in range(17)},
+        *({name: SCAN} for name in ("rgb", "depth_m", "history", "arrays", "camera", "stamp_s")),
+        *({name: SCAN} for name in ("", "_scan", "__class__", "__init__", "scan m", "SCAN", "class", "é", "s" * 41)),
+        {"scan_m": None},
+        *(
+            {"scan_m": SCAN | {"dtype": kind}}
+            for kind in ("object", "O", "<f4", "float16", "bool", "S4", None, ["float32"])
+        ),
+        *(
+            {"scan_m": SCAN | {"shape": shape}}
+            for shape in (6, [], [6.0], [True, 6], [-2, -3], [0], [7], [1, 1, 1, 1, 6])
+        ),
+        {"scan_m": SCAN | {"shape": [2**32, 2**32], "data": b""}},
+        {"scan_m": SCAN | {"shape": [2**20] * 4}},
+        {"scan_m": SCAN | {"data": "text"}},
+        {"scan_m": SCAN | {"data": SCAN["data"] + b"1"}},
+    ],
+)
+def test_an_invalid_array_is_refused(arrays: object) -> None:
+    with pytest.raises(WireError):
+        received(observation_to_message(seen()) | {"arrays": arrays})
+
+
 def changed(name: str, **changes: Any) -> Callable[[dict[str, Any]], object]:
     return lambda message: message | {name: message[name] | changes}
 

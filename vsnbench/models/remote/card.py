@@ -7,10 +7,10 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from vsnbench.errors import ModelError
-from vsnbench.models.remote.vsnbench_policy import SENSORS
 from vsnbench.settings.validation import first_error
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.model.card import ModelCard
+from vsnbench.values.observation import Sensor
 
 _MOST_NAMES: Final = 1000
 _MOST_ENTRIES: Final = 50
@@ -20,6 +20,7 @@ _LONGEST_TEXT: Final = 300
 _OF_TEXTS: Final = ("code", "files", "runs_on")
 _LISTS: Final = ("goals", "action_kinds", "goal_kinds", "cameras")
 _NOT_SENT: Final = ("surveyed",)
+_SENSORS: Final = tuple(sensor.value for sensor in Sensor if sensor.is_sent)
 _CARD: Final = TypeAdapter(ModelCard)
 
 
@@ -39,8 +40,8 @@ def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
     card |= {name: _texts(card[name], name) for name in _OF_TEXTS if name in card}
     card |= {name: card[name][:most] for name, most in _CLIPPED.items() if isinstance(card.get(name), str)}
     sensors = card.get("sensors", [])
-    if not isinstance(sensors, list) or not all(sensor in SENSORS for sensor in sensors):
-        raise ModelError(f"its card's sensors are not among {', '.join(SENSORS)}")
+    if not isinstance(sensors, list) or not all(sensor in _SENSORS for sensor in sensors):
+        raise ModelError(f"its card's sensors are not among {', '.join(_SENSORS)}")
     for name in _LISTS:
         if not isinstance(card.get(name, []), list):
             raise ModelError(f"its card's {name}: expected a list")

@@ -1,5 +1,6 @@
 """What serves at the other end of a connection, and its address."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 from urllib.parse import urlsplit
@@ -26,8 +27,8 @@ class Peer:
     """It is something else, refuses, or breaks the protocol."""
     lost: type[VsnbenchError]
     """It does not answer."""
-    busy: type[VsnbenchError]
-    """Another client uses it."""
+    busy: Callable[..., VsnbenchError]
+    """Another client uses it. It is called with a statement and advice."""
     versions: tuple[int, int]
     """Oldest and newest version of the protocol."""
     max_bytes: int

@@ -34,7 +34,7 @@ class ServedPolicy:
         """Wrap a policy. Name and options are those of `create_policy`; files among them are part of its identity.
 
         Raises:
-            UsageError: the policy needs the site or the simulator's labels, which are not transferred.
+            UsageError: the policy needs the site or a sensor that is not sent, such as the simulator's labels.
         """
         card = policy.card
         if policy.needs_survey:
@@ -43,9 +43,9 @@ class ServedPolicy:
                 advice="run it without a server",
                 code="cannot-be-served",
             )
-        if Sensor.INSTANCES in card.sensors:
+        if kept := [sensor for sensor in sorted(card.sensors) if not sensor.is_sent]:
             raise UsageError(
-                f"model {card.name} needs the simulator's labels, which are not transferred",
+                f"model {card.name} needs {', '.join(kept)}, which a server does not receive",
                 advice="name the weights of a real detector",
                 code="cannot-be-served",
             )
@@ -160,15 +160,19 @@ def _camera(given: wire.Camera) -> Camera:
 def _observation(given: wire.Observation) -> Observation:
     camera = _camera(given.camera)
     budget = None if given.budget is None else Budget(**given.budget)
-    measured: dict[str, Any] = {
-        "budget": budget,
-        "rgb": given.rgb,
-        "depth_m": given.depth_m,
-        "beyond_range": given.beyond_range,
-        "cameras": {CameraRole(role): _observation(view) for role, view in given.cameras.items()},
-        "history": tuple(map(_observation, given.history)),
-    }
+    measured = {sensor.field: getattr(given, sensor.field, None) for sensor in Sensor if sensor.is_sent}
     if given.pose is not None:
         measured["pose"] = Pose(given.pose.x_m, given.pose.y_m, given.pose.heading_rad)
     present = {name: value for name, value in measured.items() if value is not None}
-    return observation_of(given.stamp_s, camera, **present)
+    try:
+        return observation_of(
+            given.stamp_s,
+            camera,
+            budget=budget,
+            beyond_range=given.beyond_range,
+            cameras={CameraRole(role): _observation(view) for role, view in given.cameras.items()},
+            history=tuple(map(_observation, given.history)),
+            **present,
+        )
+    except ValueError as error:
+        raise wire.WireError(str(error)) from error

@@ -34,6 +34,7 @@ import importlib
 import inspect
 import ipaddress
 import json
+import keyword
 import logging
 import math
 import os
@@ -68,6 +69,10 @@ ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "
 TILTS = ("LOOK_UP", "LOOK_DOWN")
 """No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
 SENSORS = ("rgb", "depth", "odometry")
+"""Sensors with messages of their own. Any other one that vsnbench has arrives as an attribute of the observation."""
+ARRAY_TYPES = ("uint8", "uint16", "uint32", "int8", "int16", "int32", "float32", "float64")
+MAX_ARRAYS = 16
+MAX_DIMENSIONS = 4
 ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction", "point", "route", "sequence")
 MAX_PHOTOGRAPHS = 100
@@ -79,6 +84,7 @@ MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
 MAX_MESSAGE_BYTES = 64 * 2**20
 """Enough for RGB and float depth of 4096 x 2048. A larger message ends the connection."""
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _HELLO_BYTES = 64 * 2**10
 _HELLO_SECONDS = 10.0
 _TEXT_SECONDS = 2.0
@@ -204,6 +210,7 @@ class Observation:
     remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
     history: observations since the last `act`, oldest first, for a model whose card has `history`.
     cameras: observations of further cameras by role, `left`, `right` or `rear`, for a model whose card has `cameras`.
+    arrays: arrays of sensors that this file does not name, by attribute: `observation.scan_m` is `arrays["scan_m"]`.
     """
 
     def __init__(  # noqa: PLR0913 - its fields
@@ -217,9 +224,15 @@ class Observation:
         budget: dict[str, Any] | None = None,
         history: tuple[Observation, ...] = (),
         cameras: dict[str, Observation] | None = None,
+        arrays: dict[str, Any] | None = None,
     ) -> None:
         self.rgb, self.depth_m, self.pose, self.stamp_s, self.camera = rgb, depth_m, pose, stamp_s, camera
         self.beyond_range, self.budget, self.history, self.cameras = beyond_range, budget, history, cameras or {}
+        self.arrays = arrays or {}
+        for name, array in self.arrays.items():
+            if hasattr(self, name):
+                raise WireError(f"`arrays` has {name!r:.40}, which every observation has")
+            setattr(self, name, array)
 
 
 def serve(  # noqa: PLR0913 - what its command line has
@@ -383,11 +396,13 @@ class _Request:
         return int(self.connection.protocol.state) == _OPEN
 
     def fits(self, other: "_Request") -> bool:
-        """Whether the other observation can be answered in the same call: it has images of the same size."""
+        """Whether the other observation can be answered in the same call: its images and arrays have the same shape."""
         if other.call is not None or not other.is_wanted:
             return False
-        pairs = [(getattr(self.observation, name), getattr(other.observation, name)) for name in ("rgb", "depth_m")]
-        return all(np.shape(mine) == np.shape(theirs) for mine, theirs in pairs)
+        mine, theirs = self.observation, other.observation
+        pairs = [(mine.rgb, theirs.rgb), (mine.depth_m, theirs.depth_m)]
+        pairs += [(mine.arrays.get(name), theirs.arrays.get(name)) for name in {**mine.arrays, **theirs.arrays}]
+        return all(np.shape(one) == np.shape(another) for one, another in pairs)
 
 
 class _Model:
@@ -566,7 +581,7 @@ def checked_card(policy: Any) -> dict[str, Any]:
     return {
         "name": name,
         "goals": None if goals is None else sorted(str(goal) for goal in goals),
-        "sensors": _known(given.get("sensors") or (), SENSORS, "sensors"),
+        "sensors": _sensors(given.get("sensors") or ()),
         "weights_sha256": str(given.get("weights_sha256") or ""),
         "weights_label": str(given.get("weights_label") or ""),
         "settings": plain(dict(given.get("settings") or {})),
@@ -591,6 +606,18 @@ _CARD_FIELDS = (
     *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
     *("anchor", "history", "cameras"),
 )
+
+
+def _sensors(given: Iterable[Any]) -> list[str]:
+    """Return sorted names of sensors. A client, which may be newer than this file, refuses those that it has not."""
+    names = sorted(map(_value, given))
+    invalid = [name for name in names if not _NAME.fullmatch(name)]
+    if invalid:
+        raise ValueError("invalid names of sensors: {}".format(", ".join(invalid)))
+    others = [name for name in names if name not in SENSORS]
+    if others:
+        logger.warning("this file knows the sensors %s; vsnbench checks %s", ", ".join(SENSORS), ", ".join(others))
+    return names
 
 
 def _anchor(given: Any) -> dict[str, str]:
@@ -931,6 +958,7 @@ def observation_of(message: dict[str, Any]) -> Observation:
         budget=budget,
         history=tuple(observation_of(dict(earlier, camera=camera, history=None)) for earlier in history),
         cameras={role: observation_of(dict(view, cameras=None, history=None)) for role, view in further.items()},
+        arrays=_arrays_of(message.get("arrays") or {}),
     )
 
 
@@ -952,10 +980,36 @@ def _image(image: Any, name: str) -> tuple[Any, int, int, bytes]:
 
 
 def _array(data: bytes, kind: Any, shape: tuple[int, ...], name: str) -> Any:
-    expected = int(np.prod(shape)) * np.dtype(kind).itemsize
+    expected = np.dtype(kind).itemsize
+    for length in shape:
+        expected *= length
     if len(data) != expected:
         raise WireError(f"`{name}` has {len(data)} bytes instead of {expected}")
     return np.frombuffer(data, kind).reshape(shape)
+
+
+def _arrays_of(arrays: Any) -> dict[str, Any]:
+    """Return the arrays of sensors by attribute; each message names type and shape."""
+    if not isinstance(arrays, dict) or len(arrays) > MAX_ARRAYS:
+        raise WireError(f"`arrays` must be a mapping of at most {MAX_ARRAYS} arrays")
+    found = {}
+    for name, array in arrays.items():
+        if not isinstance(name, str) or not _NAME.fullmatch(name) or keyword.iskeyword(name):
+            raise WireError(f"`arrays` has {name!r:.40}, which is no name of an attribute")
+        if not isinstance(array, dict) or array.get("dtype") not in ARRAY_TYPES:
+            raise WireError("`arrays.{}` needs `dtype`, one of {}".format(name, ", ".join(ARRAY_TYPES)))
+        shape, data = array.get("shape"), array.get("data")
+        if not isinstance(shape, list) or not 1 <= len(shape) <= MAX_DIMENSIONS or not all(map(_is_length, shape)):
+            raise WireError(f"`arrays.{name}` needs `shape`, 1 to {MAX_DIMENSIONS} lengths")
+        if not isinstance(data, bytes):
+            raise WireError(f"`arrays.{name}` needs `data`, bytes")
+        kind = np.dtype(array["dtype"])
+        found[name] = _array(data, kind.newbyteorder("<"), tuple(shape), f"arrays.{name}").astype(kind, copy=False)
+    return found
+
+
+def _is_length(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 < value <= MAX_MESSAGE_BYTES
 
 
 def _rgb_of(image: Any) -> Any:

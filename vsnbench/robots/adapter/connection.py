@@ -3,7 +3,8 @@
 import contextlib
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import partial
+from typing import Any, Final
 
 from vsnbench import __version__
 from vsnbench.errors import NoAnswerError, RobotError
@@ -26,17 +27,14 @@ SIMULATOR_FACTOR = 10.0
 """A simulator has so much longer: it may compute more slowly than time passes, and nothing moves meanwhile."""
 
 
-class AdapterBusyError(RobotError):
-    """Another client uses the robot."""
-
-    code = "robot-in-use"
-
+IN_USE: Final = "robot-in-use"
+"""Code of the error if another client uses the robot."""
 
 ADAPTER = Peer(
     noun="adapter",
     failed=InvalidAnswerError,
     lost=NoAnswerError,
-    busy=AdapterBusyError,
+    busy=partial(RobotError, code=IN_USE),
     versions=(OLDEST_VERSION, NEWEST_VERSION),
     max_bytes=MAX_MESSAGE_BYTES,
     start="start it, and check interface.address in the profile",

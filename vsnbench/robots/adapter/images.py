@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import SensorLostError
-from vsnbench.robots.adapter.messages import colours_in, depth_in, stamp_in
+from vsnbench.robots.adapter.messages import arrays_in, colours_in, depth_in, stamp_in
 from vsnbench.sensing.images.camera_images import beyond_range, median_depth_m, share_invalid
 from vsnbench.sensing.images.depth_range import range_fault
 from vsnbench.values.camera import Camera
@@ -32,7 +32,7 @@ def observed(
         sensors: sensors of the adapter's card.
 
     Raises:
-        InvalidAnswerError: an image cannot be read.
+        InvalidAnswerError: an image or array cannot be read.
         SensorLostError: an image does not fit the camera.
     """
     rgb, depth_m, beyond = colours_in(message), None, None
@@ -57,6 +57,7 @@ def observed(
         depth_stamp_s=None if depth_m is None else stamp_in(message, "depth_stamp_s", stamp_s),
         beyond_range=beyond,
         sensing={name: number for name, number in sensing.items() if math.isfinite(number)},
+        **arrays_in(message, sensors),
     )
 
 

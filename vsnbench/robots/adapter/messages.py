@@ -15,6 +15,7 @@ from vsnbench.sensing.hazards import Hazard
 from vsnbench.settings.validation import first_error
 from vsnbench.text.sanitize import sanitize
 from vsnbench.values.battery import Battery
+from vsnbench.values.encoding.codec import FURTHER_ARRAYS
 from vsnbench.values.encoding.motion_answer import (
     MOST_NAME,
     MOST_TEXT,
@@ -28,7 +29,7 @@ from vsnbench.values.motion_result import MotionResult
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import SimulationAccount
 
-_SENSORS = frozenset({Sensor.RGB, Sensor.DEPTH})
+_SENSORS = frozenset({Sensor.RGB, Sensor.DEPTH, *FURTHER_ARRAYS})
 _Point = tuple[float, float]
 _Planar = tuple[float, float, float]
 
@@ -161,6 +162,25 @@ def depth_in(message: Mapping[str, Any]) -> tuple[npt.NDArray[np.float32], npt.N
     return seen.depth_m, seen.beyond_range
 
 
+def arrays_in(message: Mapping[str, Any], sensors: frozenset[Sensor]) -> dict[str, Any]:
+    """Return the arrays of further sensors, by their field of an observation.
+
+    Args:
+        message: an `observation`.
+        sensors: sensors of the adapter's card.
+
+    Raises:
+        InvalidAnswerError: one of them is missing, or has another form than its sensor declares.
+    """
+    wanted = [sensor for sensor in FURTHER_ARRAYS if sensor in sensors]
+    seen = _image_in(message, "arrays").arrays if wanted else {}
+    for sensor in wanted:
+        values = seen.get(sensor.field)
+        if values is None or sensor.array is None or not sensor.array.fits(values):
+            raise InvalidAnswerError(f"`arrays.{sensor.field}` must be {sensor.array}")
+    return {sensor.field: seen[sensor.field] for sensor in wanted}
+
+
 def stamp_in(message: Mapping[str, Any], key: str = "stamp_s", otherwise: float | None = None) -> float:
     """Return a stamp, seconds on the robot's clock.
 
@@ -174,7 +194,7 @@ def stamp_in(message: Mapping[str, Any], key: str = "stamp_s", otherwise: float 
 
 
 def _image_in(message: Mapping[str, Any], key: str) -> Any:
-    """Return the observation of one image, which has the form of the wire."""
+    """Return the observation with one image, or with the arrays, which have the form of the wire."""
     if message.get(key) is None:
         raise InvalidAnswerError(f"`{key}` is missing")
     try:

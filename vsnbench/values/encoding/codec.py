@@ -33,8 +33,10 @@ from vsnbench.values.observation import Observation, Sensor
 
 _MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
 
-_IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose", "cameras")
+_IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose", "arrays", "cameras")
 """Keys of an observation in the history of another one, which has the same camera."""
+FURTHER_ARRAYS: Final = tuple(sensor for sensor in Sensor if sensor.array and sensor not in (Sensor.RGB, Sensor.DEPTH))
+"""Sensors that `arrays` of a message has by the name of their field; `rgb` and `depth` have encodings of their own."""
 
 RgbEncoding = Literal["raw", "jpeg"]
 DepthEncoding = Literal["f32", "mm16"]
@@ -128,7 +130,7 @@ def observation_to_message(
     """Return an observation as values for msgpack: those of JSON, and bytes or views for pixels.
 
     Args:
-        observation: the observation; undeclared sensors are None in the message.
+        observation: the observation; undeclared sensors are None or absent in the message.
         rgb: `raw`, or `jpeg`, which has a tenth of the bytes and changes the pixels.
         depth: `f32` metres, or `mm16` millimetres with half the bytes.
     """
@@ -154,6 +156,8 @@ def observation_to_message(
     if Sensor.ODOMETRY in there:
         pose = observation.pose
         message["pose"] = [pose.x_m, pose.y_m, pose.heading_rad]
+    if further := [sensor.field for sensor in FURTHER_ARRAYS if sensor in there]:
+        message["arrays"] = {name: _array(getattr(observation, name)) for name in further}
     if observation.cameras:
         message["cameras"] = {
             role.value: observation_to_message(view, rgb=rgb, depth=depth) for role, view in observation.cameras.items()
@@ -258,6 +262,12 @@ _SHOWN_PARTS: Final[Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any
 def _image(encoding: str, pixels: npt.NDArray[Any], data: bytes | memoryview) -> dict[str, Any]:
     height, width = pixels.shape[:2]
     return {"encoding": encoding, "height": height, "width": width, "data": data}
+
+
+def _array(values: npt.NDArray[Any]) -> dict[str, Any]:
+    """Return an array as its type, shape, and bytes in little-endian order."""
+    data = _bytes_of(values, values.dtype.newbyteorder("<").str)
+    return {"dtype": values.dtype.name, "shape": list(values.shape), "data": data}
 
 
 def _bytes_of(array: npt.NDArray[Any], kind: str) -> memoryview:

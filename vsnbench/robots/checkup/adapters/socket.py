@@ -11,9 +11,9 @@ from vsnbench.errors import RobotError
 from vsnbench.models.remote.vsnbench_policy import TOKEN_VARIABLE
 from vsnbench.robots.adapter.connection import (
     GONE_S,
+    IN_USE,
     NEWEST_VERSION,
     PROGRESS_S,
-    AdapterBusyError,
     AdapterConnection,
 )
 from vsnbench.robots.adapter.images import observed
@@ -110,7 +110,9 @@ class AdapterCheckup:
         """Check that no other client can drive the robot at the same time."""
         try:
             AdapterConnection(self._address, self._token).close()
-        except AdapterBusyError:
+        except RobotError as error:
+            if error.code != IN_USE:
+                raise
             return CheckResult("second client", Health.OK, "refused while this one is connected")
         advice = f"answer `hello` with the error `busy` while a client is connected ({PAGE})"
         return CheckResult("second client", Health.FAILED, "accepted: two programs could drive at once", advice)
