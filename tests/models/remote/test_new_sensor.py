@@ -11,14 +11,16 @@ from pathlib import Path
 from tests.models.remote.servers import ROOT
 
 PACKAGE = ROOT / "vsnbench"
-SCAN = """        ranges_m = []
+SCAN = """
+    def _scan(self) -> npt.NDArray[np.float32]:
         bearings = np.radians(np.arange(-45, 45) + 0.5)
         columns = (100 * (1 - np.tan(bearings))).astype(int)
+        ranges_m = []
         for yaw_deg in (45, 135, -135, -45):
             side = Camera(width=200, height=3, horizontal_fov_deg=90, mount_height_m=0.2, yaw_deg=yaw_deg)
-            depth_m = self._renderer.measure(side, here)[1, columns] / np.cos(bearings)
+            depth_m = self._renderer.measure(side, self._base.physics.pose)[1, columns] / np.cos(bearings)
             ranges_m.append(np.where(depth_m < 12.0, depth_m, np.nan))
-        colours["scan_m"] = np.concatenate(ranges_m).astype(np.float32)
+        return np.concatenate(ranges_m).astype(np.float32)
 """
 DECLARED = {
     "values/observation.py": {
@@ -34,7 +36,10 @@ DECLARED = {
     },
     "robots/simulated_camera.py": {
         '"""Sensors of a simulated robot."""\n': "SIMULATED_SENSORS |= {Sensor.SCAN}\n",
-        "        colours: dict[str, Any] = {}\n": SCAN,
+        "            main = self._view(other.without_roll, pose, self._other_depth_rng)\n": (
+            "        main = with_changes(main, scan_m=self._scan())\n"
+        ),
+        "        return with_changes(main, cameras=further)\n": SCAN,
     },
 }
 """Lines of the package, and what follows them where the sensor is declared and measured."""
@@ -86,7 +91,7 @@ class Scanner(Policy):
 
 
 site = load_site("apartment")
-with open_robot("simulated:turtlebot2@64x48", site, ProtocolParameters(), read=frozenset({Sensor.SCAN})) as robot:
+with open_robot("simulated:turtlebot2@64x48", site, ProtocolParameters()) as robot:
     robot.begin(site.starts[0], 0)
     seen = robot.observe()
 assert seen.scan_m.shape == (360,) and 0.2 < np.nanmin(seen.scan_m) < np.nanmax(seen.scan_m) < 12
