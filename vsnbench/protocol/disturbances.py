@@ -23,7 +23,7 @@ CURRENT_EDITION = 1
 SEVERITIES = (1, 2, 3, 4, 5)
 DEFAULT_SEVERITY = 3
 
-_IMAGES = frozenset({Sensor.RGB, Sensor.DEPTH, Sensor.INSTANCES})
+_IMAGES = frozenset({Sensor.INSTANCES, *(sensor for sensor in Sensor if sensor.array and sensor.array.is_image)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ KINDS: Mapping[str, DisturbanceKind] = {
             (1.0, 2.0, 3.0, 4.0, 5.0),
             1.0,
             100.0,
-            _IMAGES | {Sensor.ODOMETRY},
+            frozenset(Sensor),
             standard=False,
             whole=True,
         ),

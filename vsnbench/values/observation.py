@@ -91,6 +91,11 @@ class Sensor(StrEnum):
         return self.array is None or self.array.is_image
 
 
+ARRAYS: Final = tuple((sensor.field, sensor.array) for sensor in Sensor if sensor.array is not None)
+"""Fields of an observation that are arrays of a sensor, and their form."""
+_SENSORS: Final = tuple(Sensor)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class InstanceImage:
     """Labels of the simulator: the object at each pixel."""
@@ -151,15 +156,15 @@ class Observation:
     last, and of the film of a robot that drives on. Only for a policy whose card asks for it."""
 
     def __post_init__(self) -> None:
-        for sensor in Sensor:
-            values = None if sensor.array is None else getattr(self, sensor.field, None)
-            if values is not None and sensor.array is not None and not sensor.array.fits(values):
-                raise ValueError(f"{sensor.field} must be {sensor.array}, not {values.shape} {values.dtype}")
+        for name, spec in ARRAYS:
+            values = getattr(self, name, None)
+            if values is not None and not spec.fits(values):
+                raise ValueError(f"{name} must be {spec}, not {values.shape} {values.dtype}")
 
     @property
     def sensors(self) -> frozenset[Sensor]:
         """Sensors with a measurement."""
-        return frozenset(sensor for sensor in Sensor if getattr(self, sensor.field, None) is not None)
+        return frozenset([sensor for sensor in _SENSORS if getattr(self, sensor.field, None) is not None])
 
     def __repr__(self) -> str:
         """Return a summary in one line."""
@@ -183,7 +188,7 @@ class Observation:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            sensor = next((sensor for sensor in Sensor if sensor.field == name), None)
+            sensor = next((sensor for sensor in _SENSORS if sensor.field == name), None)
             if sensor is None:
                 raise AttributeError(f"an observation has no {name!r}")
             raise SensorNotDeclaredError(
@@ -278,7 +283,7 @@ def newest_of(history: Sequence[Observation], observation: Observation, most: in
 
 
 def _array_bytes(observation: Observation) -> int:
-    arrays = [getattr(observation, sensor.field, None) for sensor in Sensor if sensor.array is not None]
+    arrays = [getattr(observation, name, None) for name, _ in ARRAYS]
     own = sum(int(array.nbytes) for array in arrays if array is not None)
     return own + sum(map(_array_bytes, observation.cameras.values()))
 

@@ -19,7 +19,7 @@ from vsnbench.values.decision import Box, Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.model.trained_camera import CameraDifference, cropped, part_of
 from vsnbench.values.movement import Movement, Pixel
-from vsnbench.values.observation import InstanceImage, Observation, Sensor, with_changes
+from vsnbench.values.observation import ARRAYS, InstanceImage, Observation, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
@@ -137,8 +137,7 @@ class CroppedPolicy(Policy):
         given = observation.__getstate__()
         changes: dict[str, Any] = {"camera": camera}
         changes["history"] = tuple(self._cropped(earlier, camera) for earlier in observation.history)
-        images = [sensor.field for sensor in Sensor if sensor.array is not None and sensor.array.is_image]
-        for name in (*images, "beyond_range"):
+        for name in (*(name for name, spec in ARRAYS if spec.is_image), "beyond_range"):
             if given.get(name) is not None:
                 changes[name] = self._part(given[name])
         if (labels := given.get("instances")) is not None:

@@ -23,7 +23,7 @@ from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.encoding.codec import decision_to_message
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.model.card import copy_of
-from vsnbench.values.observation import Budget, Observation, Sensor, observation_of
+from vsnbench.values.observation import ARRAYS, Budget, Observation, observation_of
 from vsnbench.values.pose import Pose
 
 
@@ -160,10 +160,9 @@ def _camera(given: wire.Camera) -> Camera:
 def _observation(given: wire.Observation) -> Observation:
     camera = _camera(given.camera)
     budget = None if given.budget is None else Budget(**given.budget)
-    measured = {sensor.field: getattr(given, sensor.field, None) for sensor in Sensor if sensor.is_sent}
+    measured = {name: values for name, _ in ARRAYS if (values := getattr(given, name, None)) is not None}
     if given.pose is not None:
         measured["pose"] = Pose(given.pose.x_m, given.pose.y_m, given.pose.heading_rad)
-    present = {name: value for name, value in measured.items() if value is not None}
     try:
         return observation_of(
             given.stamp_s,
@@ -172,7 +171,7 @@ def _observation(given: wire.Observation) -> Observation:
             beyond_range=given.beyond_range,
             cameras={CameraRole(role): _observation(view) for role, view in given.cameras.items()},
             history=tuple(map(_observation, given.history)),
-            **present,
+            **measured,
         )
     except ValueError as error:
         raise wire.WireError(str(error)) from error

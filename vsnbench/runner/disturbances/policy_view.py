@@ -17,7 +17,7 @@ from vsnbench.robots.contract import Robot
 from vsnbench.runner.disturbances.images import blur, depth_holes, glare, low_light
 from vsnbench.simulator.dynamics.noise import OdometryDrift, OdometryNoise
 from vsnbench.values.camera import Camera
-from vsnbench.values.observation import Observation, Sensor, with_changes
+from vsnbench.values.observation import ARRAYS, Observation, Sensor, with_changes
 from vsnbench.values.pose import Pose, wrap_angle
 
 
@@ -80,7 +80,8 @@ class PolicyView:
         """Return the observation, with the images of the one before where its own are lost."""
         share, before = self._disturbances["dropped_frames"], self._shown
         if share is not None and before is not None and self._rng("dropped_frames").random() < share:
-            return with_changes(before, pose=observation.pose)
+            kept = [name for name, spec in ARRAYS if not spec.is_image and hasattr(observation, name)]
+            return with_changes(before, pose=observation.pose, **{name: getattr(observation, name) for name in kept})
         self._shown = observation
         return observation
 

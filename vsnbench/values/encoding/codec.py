@@ -35,7 +35,9 @@ _MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
 
 _IN_HISTORY: Final = ("stamp_s", "rgb", "depth", "pose", "arrays", "cameras")
 """Keys of an observation in the history of another one, which has the same camera."""
-FURTHER_ARRAYS: Final = tuple(sensor for sensor in Sensor if sensor.array and sensor not in (Sensor.RGB, Sensor.DEPTH))
+FURTHER_ARRAYS: Final = tuple(
+    sensor for sensor in Sensor if sensor.array and sensor.is_sent and sensor not in (Sensor.RGB, Sensor.DEPTH)
+)
 """Sensors that `arrays` of a message has by the name of their field; `rgb` and `depth` have encodings of their own."""
 
 RgbEncoding = Literal["raw", "jpeg"]
