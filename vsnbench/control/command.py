@@ -2,8 +2,8 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from vsnbench.values.pose import Pose
 
@@ -16,9 +16,11 @@ class MotionStatus(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
-    """Velocity of the base: forward, counter-clockwise, and to the left for a base that can move sideways."""
+class Command(NamedTuple):
+    """Velocity of the base: forward, counter-clockwise, and to the left for a base that can move sideways.
+
+    A tuple for speed: every period makes one.
+    """
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0

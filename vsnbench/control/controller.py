@@ -102,6 +102,7 @@ class MotionController(Controller):
         if leg.is_lateral:
             response = response.sideways
         self._sent = SentCommands(response)
+        self._command = STANDSTILL
         self._target = leg.target
         self._still_since: _Mark | None = None
         self._commands: list[_Mark] = []
@@ -160,7 +161,8 @@ class MotionController(Controller):
             return STANDSTILL
         if self._is_lateral:
             pose = _facing_left(pose)
-        stamp_s = now_s if stamp_s is None else min(stamp_s, now_s)
+        if stamp_s is None or stamp_s > now_s:
+            stamp_s = now_s
         if self._began_s is None:
             self._began_s, self._last_s = now_s, now_s - self._period_s
         period_s = max(now_s - self._last_s, 0.0)
@@ -169,7 +171,7 @@ class MotionController(Controller):
         self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
         self._last_heading_rad = pose.heading_rad
         left = self._left = self.error(pose)
-        if (sent := self._sent.last) is not STANDSTILL:
+        if (sent := self._command) is not STANDSTILL:
             self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
         if self._phase is _DRIVE and not self.corrections and not self._knows_response:
             self._learn_latency(left, now_s, stamp_s)
@@ -178,11 +180,12 @@ class MotionController(Controller):
             return self.abort(f"no odometry for {now_s - stamp_s:.1f} s")
         if self.duration_s > self._limit_s:
             return self.abort(f"not done after {self.duration_s:.1f} s: {self._shortfall(pose)}")
-        if self._stalled(left, now_s, stamp_s):
+        if now_s >= self._stall.due_s and self._stalled(left, now_s, stamp_s):
             return self.abort(f"the base does not follow its commands: {self._shortfall(pose)}")
         command = self._next(pose, left, now_s, stamp_s, min(period_s, 5 * self._period_s))
         if self.status is not _MOVING:
             return STANDSTILL
+        self._command = command
         self._sent.add(now_s, command)
         return command.turned_left if self._is_lateral else command
 
@@ -220,7 +223,10 @@ class MotionController(Controller):
                 remaining = self._smoothing.remaining(remaining, self._commanded, stamp_s)
         way = -1.0 if self._correction.amount < 0 else 1.0  # a correction may go backwards
         slowest = self._slowest
-        if remaining * way <= max(0.1 * self._tolerance, slowest.least(self._period_s)):
+        near = 0.1 * self._tolerance
+        if slowest.velocity:
+            near = max(near, slowest.least(self._period_s))
+        if remaining * way <= near:
             self._phase, self._speed, self._still_since = _SETTLE, 0.0, None
             if self._window is not None:  # a base with a lag continues to roll for longer than the lag
                 delay_s = self._sent.dead_time_s + self._sent.lag_s
@@ -229,11 +235,13 @@ class MotionController(Controller):
         faster = speed(self._speed, self._acceleration, (self._speed + self._acceleration * period_s / 2) * period_s)
         slower = braking_speed(remaining * way, self._deceleration, max(period_s, self._period_s))
         self._speed = min(faster, self._cruise, slower)
-        if slower <= self._speed and not self.corrections:  # a correction begins at rest
+        # A correction begins at rest.
+        if slower <= self._speed and not self.corrections and now_s >= slowest.due_s:
             slowest.look(now_s, left, self._commanded, self._speed, self._delay_s)
         if slowest.velocity:
             self._speed = min(slowest.raised(self._speed, remaining * way, self._period_s), self._cruise)
-        self._correction.drives(self._speed)
+        if self.corrections:
+            self._correction.drives(self._speed)
         signed = self._sign * (way * self._speed)
         if self._turns:
             return Command(angular_rad_s=signed)
@@ -321,7 +329,7 @@ class MotionController(Controller):
 
     def _stalled(self, left: float, now_s: float, stamp_s: float) -> bool:
         """Return whether the base covered too little of the commanded distance in the latest window."""
-        if now_s < self._stall.due_s or now_s - stamp_s > _STALE_SHARE * self._stall_s:
+        if now_s - stamp_s > _STALE_SHARE * self._stall_s:
             return False
         return self._stall.is_stuck(now_s, -left, self._commanded)
 

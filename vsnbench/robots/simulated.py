@@ -171,6 +171,7 @@ class SimulatedRobot(Robot):
         command, looked_s = STANDSTILL, -math.inf
         if not leg.translates or leg.is_lateral:  # the camera does not look to the side
             watch = None
+        holds_heading = leg.holds_heading
         while controller.status is MotionStatus.MOVING:
             now_s = self._physics.time_s
             if watch is not None and now_s - looked_s >= LOOK_PERIOD_S - CONTROL_PERIOD_S / 2:
@@ -180,12 +181,13 @@ class SimulatedRobot(Robot):
                     self._physics.stop()
                     return None, blocked
             command = controller.step(self._odometry, now_s, self._odometry_stamp_s)
-            if leg.holds_heading and controller.status is not MotionStatus.MOVING:
+            if holds_heading and controller.status is not MotionStatus.MOVING:
                 break  # at rest; between the legs of other movements, a period of zero velocity passes
             before = self._odometry
             touch = self._base.drive(command)
             self._read_odometry()
-            motion.path_m += before.distance_to(self._odometry)
+            if not holds_heading:  # of these movements the path is not reported
+                motion.path_m += before.distance_to(self._odometry)
             if touch:
                 controller.abort(f"touched {self._name_of(touch)}")
                 self._physics.stop()

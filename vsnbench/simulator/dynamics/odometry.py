@@ -20,12 +20,13 @@ class WheelOdometry:
 
     def zero(self, angles: WheelAngles) -> None:
         """Set the pose to zero."""
-        self._last = self._counted(angles)
+        self._last = self._counted(angles) if self._step_rad else angles
         self.pose = Pose(0.0, 0.0, 0.0)
 
     def update(self, angles: WheelAngles) -> Pose:
         """Return the pose at the newest wheel angles."""
-        angles = self._counted(angles)
+        if self._step_rad:
+            angles = self._counted(angles)
         left_m = (angles.left_rad - self._last.left_rad) * self._radius_m
         right_m = (angles.right_rad - self._last.right_rad) * self._radius_m
         self._last = angles
@@ -35,6 +36,4 @@ class WheelOdometry:
     def _counted(self, angles: WheelAngles) -> WheelAngles:
         """Return the angles as the encoders count them."""
         step_rad = self._step_rad
-        if not step_rad:
-            return angles
         return WheelAngles(round(angles.left_rad / step_rad) * step_rad, round(angles.right_rad / step_rad) * step_rad)
