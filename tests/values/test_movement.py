@@ -1,6 +1,9 @@
 """Movements with parameters: JSON, decisions with them, and limits."""
 
 import math
+import pickle
+from dataclasses import fields
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -8,7 +11,7 @@ from hypothesis import strategies as st
 
 from vsnbench.errors import DecisionError
 from vsnbench.values.decision import Decision
-from vsnbench.values.decision_check import checked_decision
+from vsnbench.values.decision_check import checked_decision, checked_movement
 from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.movement import (
     MAX_PARTS,
@@ -42,6 +45,30 @@ def test_json_and_check_keep_a_movement(movement: Movement) -> None:
     assert decision.movement == movement
     assert decision.action.has_parameters
     assert movement.text
+
+
+def test_every_kind_of_movement_has_an_action_and_documented_parameters() -> None:
+    kinds = {movement.kind for movement in get_args(Movement)}
+    assert kinds == set(ActionKind) - {ActionKind.DISCRETE, ActionKind.CHUNK}
+    assert {Action(kind.name) for kind in kinds} == {action for action in Action if action.has_parameters}
+    for movement in get_args(Movement):
+        parameters = movement.parameters()
+        assert [parameter.name for parameter in parameters] == [field.name for field in fields(movement)]
+        assert all(parameter.meaning for parameter in parameters)
+        assert len({parameter.meaning for parameter in parameters}) == len(parameters)
+
+
+def test_only_the_robots_own_actions_hold_headings() -> None:
+    own = Move(0.25, holds_heading=True)
+    assert movement_from_json(own.to_json()) == own
+    assert checked_movement(own) == Move(0.25)
+    assert movement_from_json({"kind": "move", "distance_m": 0.25, "holds_heading": 1}) == Move(0.25)
+
+
+def test_a_movement_is_a_small_value_that_can_be_sent_to_another_process() -> None:
+    for movement in (Waypoint(1.0, 0.5), Trajectory(((1.0, 0.0), (1.0, 1.0))), Move(0.1, holds_heading=True)):
+        assert pickle.loads(pickle.dumps(movement)) == movement
+        assert not hasattr(movement, "__dict__")
 
 
 def test_a_chunk_is_a_decision_of_several_parts() -> None:

@@ -77,7 +77,7 @@ class DiscreteMoveTask(NodeTask):
         return result
 
     def drive_json(self, content: Any, caller_gone: Callable[[], bool]) -> MotionResult:
-        """Execute the movement in JSON of `movement_to_json`, from the network; see `drive`."""
+        """Execute the movement in JSON of `MovementBase.to_json`, from the network; see `drive`."""
         try:
             movement = movement_from_json(content)
             checked = checked_movement(movement)
