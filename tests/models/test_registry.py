@@ -11,9 +11,9 @@ from vsnbench import plugins
 from vsnbench.errors import ModelError, UsageError
 from vsnbench.models import names, registry
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import GoalKind
+from vsnbench.values.movement import Action
 
 
 class Statue(Policy):

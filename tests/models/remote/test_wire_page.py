@@ -11,7 +11,7 @@ from tests.models.remote.servers import look, scripted_server
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
 from vsnbench.models.synthetic import synthetic_task
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import observation_of
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
