@@ -27,7 +27,7 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 try:
     from vsnbench.sites.site import load_site
-    from vsnbench.values.action import Action
+    from vsnbench.values.movement import Action
 except ModuleNotFoundError:  # names of an earlier commit
     from vsnbench.protocol.actions import Action
     from vsnbench.protocol.site import load_site

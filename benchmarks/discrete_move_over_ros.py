@@ -188,7 +188,7 @@ def drive(profile: Any, setting: Setting, actions: int, server: str) -> dict[str
     from vsnbench.protocol.parameters import ProtocolParameters
     from vsnbench.robots.ros.link import connect
     from vsnbench.robots.ros.start import Patience, wait_until_ready
-    from vsnbench.values.action import Action
+    from vsnbench.values.movement import Action
 
     link = connect(profile)
     # The link chooses once per session what executes movements, from the nodes that it has discovered by then.

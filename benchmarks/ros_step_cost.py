@@ -59,7 +59,7 @@ def measure(name: str, steps: int) -> str:
     from vsnbench.robots.ros.robot import RosRobot
     from vsnbench.ros.ros1.interface import ros1_interface
     from vsnbench.sites.site import load_site
-    from vsnbench.values.action import Action
+    from vsnbench.values.movement import Action
 
     left, right = (ProtocolParameters().movement_of(action) for action in (Action.TURN_LEFT, Action.TURN_RIGHT))
     parts: dict[str, list[float]] = {part: [] for part in PARTS}

@@ -38,9 +38,9 @@ from vsnbench.runner.setup.selection import plan_trials
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.sites.site import Site, load_site
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.model.card import ModelCard
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.viewer.live import RerunEpisodes
 

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from vsnbench import (
+    Drive,
     Fix,
     MotionResult,
     Move,
@@ -21,12 +22,8 @@ from vsnbench import (
     RobotError,
     RobotIdentity,
     Sensor,
-    Sidestep,
     Site,
     StartingPosition,
-    Trajectory,
-    Velocity,
-    Waypoint,
     kind_of_class,
     load_profile,
 )
@@ -65,7 +62,7 @@ class PointRobot(Robot):
         rgb = self._rng.integers(120, 136, (camera.height, camera.width, 3), np.uint8)
         return Observation(rgb, None, self._odometry, self._clock_s, camera)
 
-    def drive(self, movement: Move | Waypoint | Trajectory | Velocity | Sidestep, watch: object = None) -> MotionResult:
+    def drive(self, movement: Drive, watch: object = None) -> MotionResult:
         """Return the measured displacement and turn; of this robot, they are the requested ones.
 
         Without other `action_kinds`, every movement is an action of the paper: a turn, a straight move, or no motion.

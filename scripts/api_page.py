@@ -1,7 +1,6 @@
 """Generates docs/api.md from docstrings: the public interface, then its modules."""
 
 import ast
-import inspect
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,7 +33,7 @@ PARTS = {
         "vsnbench.values.model.card",
         "vsnbench.values.observation",
         "vsnbench.values.decision",
-        "vsnbench.values.action",
+        "vsnbench.values.movement",
         "vsnbench.models.remote.vsnbench_policy",
     ],
     "For a robot": [
@@ -94,9 +93,14 @@ def _tree(module: str) -> ast.Module:
 
 
 def _summary(module: str, name: str) -> str:
-    """Return the first line of the docstring of a class or function."""
-    nodes = (node for node in _tree(module).body if isinstance(node, ast.ClassDef | ast.FunctionDef))
-    return _first_line(next(node for node in nodes if node.name == name))
+    """Return the first line of the docstring of a class or function, or the string that follows another name."""
+    body = _tree(module).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
+            return _first_line(node)
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name:
+            return _string_of(after)
+    raise LookupError(f"{module} has no {name}")
 
 
 def _module(name: str) -> str:
@@ -131,22 +135,26 @@ def _class(node: ast.ClassDef) -> list[str]:
 def _fields(node: ast.ClassDef) -> list[tuple[str, str]]:
     """Return the annotated names and enum members of a class, each with the string that follows it."""
     found = []
+    is_enum = any("Enum" in ast.unparse(base) for base in node.bases)
     for statement, after in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
             name = statement.target.id
             text = f"{name}: {ast.unparse(_Plain().visit(statement.annotation))}"
-        elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+        elif is_enum and isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
             text = name = statement.targets[0].id
         else:
             continue
-        if name.startswith("_") or name == "model_config":
+        if name.startswith("_") or name == "model_config" or text == f"{name}: ClassVar":
             continue
-        constant = after.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
-        meaning = (
-            inspect.cleandoc(constant.value) if constant and isinstance(constant.value, str) else _described(statement)
-        )
-        found.append((text, " ".join(meaning.split())))
+        meaning = " ".join(filter(None, (_described(statement), _string_of(after))))
+        found.append((text, meaning))
     return found
+
+
+def _string_of(node: ast.stmt | None) -> str:
+    """Return the string that a statement consists of, in one line; empty for another statement."""
+    value = node.value.value if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) else None
+    return " ".join(value.split()) if isinstance(value, str) else ""
 
 
 class _Plain(ast.NodeTransformer):
@@ -159,7 +167,12 @@ class _Plain(ast.NodeTransformer):
 
 
 def _described(statement: ast.AnnAssign | ast.Assign) -> str:
-    """Return the description of a pydantic field."""
+    """Return the description of a pydantic field, or the meaning of a movement's parameter."""
+    if isinstance(statement, ast.AnnAssign):
+        for part in ast.walk(statement.annotation):
+            if isinstance(part, ast.Call) and ast.unparse(part.func) == "Parameter":
+                meaning = str(ast.literal_eval(part.args[0]))
+                return f"{meaning[0].upper()}{meaning[1:]}."
     if isinstance(statement.value, ast.Call):
         for keyword in statement.value.keywords:
             if keyword.arg == "description" and isinstance(keyword.value, ast.Constant):

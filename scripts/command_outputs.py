@@ -1,8 +1,8 @@
-"""Fills blocks in docs/ with command output and file contents.
+"""Fills blocks in docs/ with command output, file contents, and tables of movements and sensors.
 
-A page marks a block with `<!-- output of: vsnbench ... -->` or `<!-- file: PATH -->` on the line before it. Commands of
-a page run in order in one temporary directory, at 80 columns. A test runs them again, so their output must not depend
-on the machine.
+A page marks a block with `<!-- output of: vsnbench ... -->` or `<!-- file: PATH -->` on the line before it, and a table
+with `<!-- movements as: answers -->` or `<!-- sensors -->`. Commands of a page run in order in one temporary directory,
+at 80 columns. A test runs them again, so their output must not depend on the machine.
 """
 
 import contextlib
@@ -19,10 +19,12 @@ from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parent.parent
 _MARKED = re.compile(r"(<!-- (output of|file): (.+?) -->\n```\w+\n)(.*?)(```\n)", re.DOTALL)
+_TABLES = re.compile(r"(<!-- (?:movements as: (\w+)|sensors) -->\n\n)(?:\|.*\n)*")
 
 
 def filled(page: str) -> str:
     """Return a page with current contents in every marked block."""
+    page = _TABLES.sub(_tabulate, page)
     if not _MARKED.search(page):
         return page
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
@@ -32,7 +34,8 @@ def filled(page: str) -> str:
 def pages() -> Iterator[Path]:
     """Yield the pages with marked blocks."""
     for page in sorted((ROOT / "docs").glob("*.md")):
-        if _MARKED.search(page.read_text(encoding="utf-8")):
+        text = page.read_text(encoding="utf-8")
+        if _MARKED.search(text) or _TABLES.search(text):
             yield page
 
 
@@ -40,6 +43,12 @@ def _fill(block: "re.Match[str]") -> str:
     head, kind, what, _, end = block.groups()
     text = (ROOT / what).read_text(encoding="utf-8") if kind == "file" else f"$ {what}\n{output_of(what)}"
     return f"{head}{text.rstrip()}\n{end}"
+
+
+def _tabulate(block: "re.Match[str]") -> str:
+    from scripts import movements, sensors
+
+    return f"{block[1]}{movements.table(block[2]) if block[2] else sensors.table()}"
 
 
 def output_of(line: str, columns: int = 80) -> str:

@@ -1,4 +1,4 @@
-"""Writes the JSON schemas of docs/schemas whose objects are declared: as measures, or as quantities of a record.
+"""Writes the JSON schemas of docs/schemas whose objects are declared: as measures, quantities of a record, movements.
 
     python scripts/json_schemas.py [DIRECTORY]
 
@@ -13,6 +13,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from scripts import movements
 from vsnbench.cli.judging.judge import PENDING_FIELDS
 from vsnbench.cli.running.stress_summary import STRESS
 from vsnbench.cli.study.text import PLAN
@@ -58,11 +59,13 @@ def schemas(written: Mapping[str, Any]) -> dict[str, Any]:
 
     `written` are the schemas of docs/schemas, whose other objects are kept.
     """
-    return _of_measures(written["common"]) | _of_quantities(written)
+    adapter = deepcopy(written["motion-adapter"])
+    adapter["$defs"]["card"]["properties"]["movements"]["items"]["enum"] = movements.adapter_kinds()
+    return _of_measures(written["common"]) | _of_quantities(written) | {"motion-adapter": adapter}
 
 
 def _of_measures(common: Mapping[str, Any]) -> dict[str, Any]:
-    objects = {measures.common: measures.schema for measures in COMMON}
+    objects = {measures.common: measures.schema for measures in COMMON} | {"movement": movements.schema()}
     found: dict[str, Any] = {"common": {**common, "$defs": dict(sorted((common["$defs"] | objects).items()))}}
     for file, (title, forms) in COMMANDS.items():
         several = [({"description": when} if when else {}) | measures.schema for when, measures in forms.items()]

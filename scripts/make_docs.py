@@ -17,7 +17,6 @@ from scripts.api_page import api_page  # noqa: E402
 from scripts.headings_page import headings_page  # noqa: E402
 from scripts.mistakes_page import mistakes_page  # noqa: E402
 from scripts.schema_page import schema_page  # noqa: E402
-from scripts.wire_page import wire_page  # noqa: E402
 from vsnbench.files.package_data import resource_directory  # noqa: E402
 from vsnbench.results.schema.migrate import NEWEST, newest_sql  # noqa: E402
 
@@ -84,7 +83,6 @@ def main(docs: Path) -> None:
     (docs / "cli.md").write_text(command_reference(), encoding="utf-8")
     (docs / "api.md").write_text(api_page(), encoding="utf-8")
     (docs / "headings.md").write_text(headings_page(), encoding="utf-8")
-    (docs / "wire.md").write_text(wire_page((ROOT / "docs" / "wire.md").read_text(encoding="utf-8")), encoding="utf-8")
     json_schemas.main(docs / "schemas")
     (docs / "schema.md").write_text(schema_page(), encoding="utf-8")
     _write_newest_sql(resource_directory("migrations") / NEWEST)

@@ -1,8 +1,7 @@
 """The actions of the paper as movements, with the sizes of the default protocol."""
 
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.action import Action
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import Action, Drive
 
 movement_of = ProtocolParameters().movement_of
 FORWARD, BACKWARD = movement_of(Action.MOVE_FORWARD), movement_of(Action.MOVE_BACKWARD)

@@ -21,8 +21,8 @@ from vsnbench import __version__, open_results
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack, unpack
 from vsnbench.models.synthetic import synthetic_task
-from vsnbench.values.action import Action
 from vsnbench.values.goal import Goal
+from vsnbench.values.movement import Action
 
 ARCHIVES = sorted((Path(__file__).parent / "data" / "releases").glob("*.tar.xz"))
 

@@ -12,7 +12,7 @@ from training.rollout import INDEX
 from training.stage import Row
 from training.validation import Validator
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 logger = logging.getLogger(__name__)
 _STOP: Final = INDEX[Action.STOP]

@@ -18,7 +18,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runtime.numba_cache import compiled
 from vsnbench.sites.site import SiteObject
 from vsnbench.sites.targets import Target
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 TICKS: Final = 4

@@ -17,7 +17,7 @@ import shapely
 from training.expert import UNREACHED, Lattice, guide_to_instance, guide_to_place
 from vsnbench.protocol.free_space import RESOLUTION_M
 from vsnbench.sites.geometry.walls import wall_shapes
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 _PITCH_M: Final = 0.4

@@ -15,7 +15,7 @@ from vsnbench.models.checkpoints.residual_network import Bottleneck
 from vsnbench.models.pirlnav.architecture import Architecture
 from vsnbench.models.pirlnav.network import PIRLNavNetwork
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 _IMAGE_MEAN, _IMAGE_VARIANCE = 0.5, 0.06
 """Normalization of images, approximately that of the generated sites."""

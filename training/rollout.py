@@ -11,7 +11,7 @@ from training.flat_world import SUCCESS_DISTANCE_M, FlatWorld, View
 from training.recipe import Demonstrations
 from training.shards import UNLABELLED, Shard, encode
 from vsnbench.models.pirlnav.policy import ACTIONS, GOALS
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 INDEX: Final = {action: number for number, action in enumerate(list(ACTIONS.values())[:4])}

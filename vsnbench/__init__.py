@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from vsnbench.robots.profiles import load_profile
     from vsnbench.settings.yaml_file import read_settings
     from vsnbench.sites.site import Site, StartingPosition
-    from vsnbench.values.action import Action, ActionKind
     from vsnbench.values.battery import Battery
     from vsnbench.values.camera import Camera, CameraRole
     from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
@@ -26,7 +25,18 @@ if TYPE_CHECKING:
     from vsnbench.values.model.card import Anchor, ModelCard
     from vsnbench.values.model.trained_camera import TrainedCamera
     from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
-    from vsnbench.values.movement import Chunk, Move, Pixel, Sidestep, Trajectory, Velocity, Waypoint
+    from vsnbench.values.movement import (
+        Action,
+        ActionKind,
+        Chunk,
+        Drive,
+        Move,
+        Pixel,
+        Sidestep,
+        Trajectory,
+        Velocity,
+        Waypoint,
+    )
     from vsnbench.values.observation import Budget, Observation, Sensor
     from vsnbench.values.pose import Pose
     from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
@@ -48,6 +58,7 @@ __all__ = [
     "CollisionSource",
     "Decision",
     "Diagnostics",
+    "Drive",
     "Fix",
     "Goal",
     "GoalKind",
@@ -93,7 +104,6 @@ _NAMES = {
     "vsnbench.robots.profiles": ("load_profile",),
     "vsnbench.settings.yaml_file": ("read_settings",),
     "vsnbench.sites.site": ("Site", "StartingPosition"),
-    "vsnbench.values.action": ("Action", "ActionKind"),
     "vsnbench.values.battery": ("Battery",),
     "vsnbench.values.camera": ("Camera", "CameraRole"),
     "vsnbench.values.decision": ("Box", "Decision", "Diagnostics", "GridMap"),
@@ -103,7 +113,10 @@ _NAMES = {
     "vsnbench.values.model.card": ("Anchor", "ModelCard"),
     "vsnbench.values.model.trained_camera": ("TrainedCamera",),
     "vsnbench.values.movement": (
+        "Action",
+        "ActionKind",
         "Chunk",
+        "Drive",
         "Move",
         "Pixel",
         "Sidestep",

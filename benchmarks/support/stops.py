@@ -14,9 +14,8 @@ from vsnbench.protocol.judge import GoalDistance, distance_to_goal
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.runner.episode.stop_measurement import StopMeasurement
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
-from vsnbench.values.movement import Move
+from vsnbench.values.movement import Action, Move
 from vsnbench.values.observation import observation_of
 from vsnbench.values.placement import PoseCovariance
 from vsnbench.values.pose import Pose

@@ -8,11 +8,10 @@ from vsnbench.robots.contract import Watch
 from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.sites.site import Site
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import Action, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.robot_identity import RobotIdentity, kind_of_class
 

@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.model.trained_camera import TrainedCamera
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 
 

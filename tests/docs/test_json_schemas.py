@@ -20,6 +20,7 @@ from vsnbench.cli.main import VERBS, build_app
 ELSEWHERE = {"robots calibrate": "tests/robots/calibrating.py, with ROS"}
 """Command -> where its output is compared with its schema."""
 WITHOUT_A_VALUE = {
+    "$movement#0.holds_heading": "a motion adapter receives it",
     "$summary.interventions": "a stack that drives itself",
     "$summary.oracle_success": "a stack that drives itself",
     "doctor.machine.browser": "depends on the machine",

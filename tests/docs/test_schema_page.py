@@ -12,7 +12,7 @@ from vsnbench.report.analysis.conditions import Selection
 from vsnbench.report.analysis.summary import summarise
 from vsnbench.report.build import read
 from vsnbench.results.schema.base import TableBase
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 
 @pytest.fixture(scope="module")

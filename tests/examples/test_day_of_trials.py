@@ -9,7 +9,7 @@ import pytest
 
 from tests.report.records import Attempt, Lab, step, void
 from vsnbench.protocol.judge import EndReason
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 NOTEBOOK = json.loads((Path(__file__).parents[2] / "examples" / "day_of_trials.ipynb").read_text(encoding="utf-8"))
 

@@ -16,8 +16,8 @@ from vsnbench.models.description import describe_model
 from vsnbench.models.registry import create_policy
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.robots.registry import profile_of
-from vsnbench.values.action import Action
 from vsnbench.values.encoding.codec import decision_from_record
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Sensor, shown_to_policy
 
 ROOT = Path(__file__).resolve().parents[2]

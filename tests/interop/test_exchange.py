@@ -26,8 +26,8 @@ from vsnbench.results.model import Episode
 from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, episode_steps, list_campaigns, list_episodes
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import Action
 from vsnbench.values.camera import CameraRole
+from vsnbench.values.movement import Action
 
 STEPS = [
     step(1, Action.MOVE_FORWARD, x_m=0.25),

@@ -7,7 +7,7 @@ import pytest
 from tests.models.looks import look
 from vsnbench.models.baselines.forward import ForwardUntilBlocked
 from vsnbench.models.baselines.random_walk import RandomWalk
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 

@@ -6,10 +6,9 @@ import pytest
 from tests.runner.stand_ins import PROFILE
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.contract_check import check_policy
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import GoalKind
-from vsnbench.values.movement import Chunk, Velocity, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Chunk, Velocity, Waypoint
 from vsnbench.values.observation import Sensor
 
 TURNS = (Action.TURN_LEFT, Action.TURN_RIGHT)

@@ -11,8 +11,8 @@ from vsnbench.errors import ModelError, ModelLostError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.registry import create_policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Sensor
 
 

@@ -11,8 +11,8 @@ from vsnbench.protocol.judge import EndReason, end_after, judge
 from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.named import NAMED, load_protocol, parameter_rows
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.action import Action
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Action
 
 
 def test_the_execution_is_part_of_the_protocol_and_stop_and_go_keeps_its_content() -> None:

@@ -5,9 +5,9 @@ import pytest
 from vsnbench.protocol.judge import EndReason, GoalDistance, end_after, judge
 from vsnbench.protocol.limits import Spent, budget_left
 from vsnbench.protocol.parameters import ProtocolParameters
-from vsnbench.values.action import Action
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Budget
 
 PAPER = ProtocolParameters()

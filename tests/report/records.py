@@ -20,10 +20,10 @@ from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd
 from vsnbench.results.writing.journal import Journal
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sites.site import Site, load_site
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity
 from vsnbench.values.step import StepRecord

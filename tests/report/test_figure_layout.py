@@ -18,7 +18,7 @@ from vsnbench.report.build import build
 from vsnbench.report.figures.choose import MAX_TRAJECTORIES, drawings
 from vsnbench.report.figures.style import COLUMN_IN, Drawing, column_in, column_of, new_figure, styled
 from vsnbench.report.figures.text_layout import shown, width_in, wrapped
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 GOALS = ("chair", "sofa", "bed", "toilet", "monitor", "plant", "table", "a goal with a name of some length")
 LONG = "mylab.policies.semantic:FrontierPolicyWithAName"

@@ -22,7 +22,7 @@ from vsnbench.report.figures.choose import MAX_TRAJECTORIES, build_and_draw, dra
 from vsnbench.report.figures.plans import outcome, read_tracks
 from vsnbench.report.figures.style import DOTS_AN_INCH, Drawing
 from vsnbench.report.tables.activity import ROBOTS
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 COMMENT = re.compile(r"<!-- (.*?) -->")
 

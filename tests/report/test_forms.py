@@ -26,7 +26,7 @@ from vsnbench.report.table import ReportTable, fitted, print_tables
 from vsnbench.report.tables.reference import reference_tables
 from vsnbench.report.tables.success import goal_table, overview_table
 from vsnbench.results.writing.campaigns import Trial
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 HOSTILE = "<script>alert(1)</script> \\input{/etc/passwd} $x_1$ & | `a` **b** [red]c[/red] \x1b[31m\u202eevil %d"
 

@@ -15,7 +15,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.fields import Fields
 from vsnbench.results.model import EPISODE, TABLE
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 KEY = ["episode_id", "number"]
 

@@ -19,7 +19,7 @@ from vsnbench.report.build import build
 from vsnbench.report.figures.choose import drawings
 from vsnbench.report.figures.frame_strips import frame_strip
 from vsnbench.report.output import write_report
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 LOUD = "<img src=x onerror='document.title=1'>"
 WATCH = "window.complaints=[]; addEventListener('error', e => complaints.push(String(e.message)), true); \

@@ -18,8 +18,8 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

@@ -6,18 +6,18 @@ from typing import Any
 
 import pytest
 
-from vsnbench.values.movement import Move, Sidestep, Trajectory, Velocity, Waypoint, movement_to_json
+from vsnbench.values.movement import Move, Sidestep, Trajectory, Velocity, Waypoint
 
 FREE: dict[str, tuple[dict[str, Any], tuple[float, float]]] = {
-    "waypoint": (movement_to_json(Waypoint(0.5, 0.3, 0.0)), (0.5, 0.3)),
-    "move": (movement_to_json(Move(0.4, 0.6)), (0.33013, 0.22586)),
-    "sidestep": (movement_to_json(Sidestep(-0.3)), (0.0, -0.3)),
-    "trajectory": (movement_to_json(Trajectory(((0.2, 0.0), (0.4, 0.1), (0.6, 0.2)))), (0.6, 0.2)),
+    "waypoint": (Waypoint(0.5, 0.3, 0.0).to_json(), (0.5, 0.3)),
+    "move": (Move(0.4, 0.6).to_json(), (0.33013, 0.22586)),
+    "sidestep": (Sidestep(-0.3).to_json(), (0.0, -0.3)),
+    "trajectory": (Trajectory(((0.2, 0.0), (0.4, 0.1), (0.6, 0.2))).to_json(), (0.6, 0.2)),
 }
 """Movements that the wall ahead leaves free, and where they end."""
 IN_FLIGHT = {
-    "waypoint": movement_to_json(Waypoint(1.0, 0.0)),
-    "velocity": movement_to_json(Velocity(0.25, 0.2, 2.0)),
+    "waypoint": Waypoint(1.0, 0.0).to_json(),
+    "velocity": Velocity(0.25, 0.2, 2.0).to_json(),
 }
 """Movements during which a fault happens."""
 FAULTS = {

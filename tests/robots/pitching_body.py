@@ -11,9 +11,8 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.depth_guard import look_ahead
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
-from vsnbench.values.movement import Waypoint
+from vsnbench.values.movement import Action, Waypoint
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 

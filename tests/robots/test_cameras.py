@@ -34,11 +34,11 @@ from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.simulator.dynamics.noise import NoiseSettings
-from vsnbench.values.action import Action
 from vsnbench.values.camera import CameraRole
 from vsnbench.values.decision import Decision
 from vsnbench.values.encoding.codec import observation_to_message
 from vsnbench.values.encoding.image_digest import rgb_digest
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Attitude, Pose
 from vsnbench.values.robot_profile import RobotProfile

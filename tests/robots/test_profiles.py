@@ -11,7 +11,7 @@ from vsnbench.robots.checkup.profile import implausible_values
 from vsnbench.robots.profiles import embedded_profiles, load_dynamics, load_profile, profile_path
 from vsnbench.ros.ros1.interface import ros1_interface
 from vsnbench.ros.ros2.interface import ros2_interface
-from vsnbench.values.action import ActionKind
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.robot_profile import BaseDynamics, RobotProfile
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"

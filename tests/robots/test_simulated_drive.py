@@ -12,8 +12,7 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.path_guard import MAX_AGE_S, PathGuard
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
-from vsnbench.values.movement import Drive, Sidestep, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Action, Drive, Sidestep, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import BaseDynamics
 

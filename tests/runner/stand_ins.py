@@ -13,11 +13,10 @@ from vsnbench.robots.contract import Robot, Watch
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.sites.site import StartingPosition, load_site
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import Action, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, kind_of_class

@@ -7,7 +7,7 @@ from tests.training.recipes import TINY
 from training.expert import guide_to_instance, guide_to_place
 from training.flat_world import FlatWorld
 from vsnbench.models.baselines.goal_views import ViewCriteria, target_poses, view_points
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 SEED = 10_001

@@ -6,7 +6,7 @@ import pytest
 from tests.training.recipes import TINY
 from training.explorer import Search
 from training.flat_world import FlatWorld
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 

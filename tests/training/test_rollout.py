@@ -13,7 +13,7 @@ from training.recipe import Recipe
 from training.rollout import INDEX, Lane, _students_turn, demonstrate, evaluate
 from training.shards import STRIPS, UNLABELLED, mirrored
 from vsnbench.models.pirlnav.policy import GOALS
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 

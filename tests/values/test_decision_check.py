@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.values.decision_check import MOST_DETAILS_BYTES, checked_decision
+from vsnbench.values.movement import Action
 
 BOX = Box(1, 2, 3, 4, "sofa", 0.5)
 GRID = GridMap(np.array([[0, 1, 2]], np.uint8), 0.0, 0.0, 0.05)

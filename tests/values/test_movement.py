@@ -1,17 +1,22 @@
 """Movements with parameters: JSON, decisions with them, and limits."""
 
 import math
+import pickle
+from dataclasses import fields
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from vsnbench.errors import DecisionError
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
-from vsnbench.values.decision_check import checked_decision
+from vsnbench.values.decision_check import checked_decision, checked_movement
+from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.movement import (
     MAX_PARTS,
+    Action,
+    ActionKind,
     Chunk,
     Move,
     Movement,
@@ -20,10 +25,6 @@ from vsnbench.values.movement import (
     Trajectory,
     Velocity,
     Waypoint,
-    movement_from_json,
-    movement_text,
-    movement_to_json,
-    reach_m,
 )
 
 METRES = st.floats(-3, 3)
@@ -39,11 +40,35 @@ MOVEMENTS: st.SearchStrategy[Movement] = st.one_of(
 
 @given(MOVEMENTS)
 def test_json_and_check_keep_a_movement(movement: Movement) -> None:
-    assert movement_from_json(movement_to_json(movement)) == movement
+    assert movement_from_json(movement.to_json()) == movement
     decision = checked_decision(Decision(movement))
     assert decision.movement == movement
     assert decision.action.has_parameters
-    assert movement_text(movement)
+    assert movement.text
+
+
+def test_every_kind_of_movement_has_an_action_and_documented_parameters() -> None:
+    kinds = {movement.kind for movement in get_args(Movement)}
+    assert kinds == set(ActionKind) - {ActionKind.DISCRETE, ActionKind.CHUNK}
+    assert {Action(kind.name) for kind in kinds} == {action for action in Action if action.has_parameters}
+    for movement in get_args(Movement):
+        parameters = movement.parameters()
+        assert [parameter.name for parameter in parameters] == [field.name for field in fields(movement)]
+        assert all(parameter.meaning for parameter in parameters)
+        assert len({parameter.meaning for parameter in parameters}) == len(parameters)
+
+
+def test_only_the_robots_own_actions_hold_headings() -> None:
+    own = Move(0.25, holds_heading=True)
+    assert movement_from_json(own.to_json()) == own
+    assert checked_movement(own) == Move(0.25)
+    assert movement_from_json({"kind": "move", "distance_m": 0.25, "holds_heading": 1}) == Move(0.25)
+
+
+def test_a_movement_is_a_small_value_that_can_be_sent_to_another_process() -> None:
+    for movement in (Waypoint(1.0, 0.5), Trajectory(((1.0, 0.0), (1.0, 1.0))), Move(0.1, holds_heading=True)):
+        assert pickle.loads(pickle.dumps(movement)) == movement
+        assert not hasattr(movement, "__dict__")
 
 
 def test_a_chunk_is_a_decision_of_several_parts() -> None:
@@ -112,16 +137,16 @@ def test_json_that_is_not_a_movement_is_refused(content: object) -> None:
 
 
 def test_a_velocity_without_a_part_to_the_side_is_written_as_before() -> None:
-    assert movement_to_json(Velocity(0.2, 0.1)) == {
+    assert Velocity(0.2, 0.1).to_json() == {
         "kind": "velocity",
         "linear_m_s": 0.2,
         "angular_rad_s": 0.1,
         "duration_s": 1.0,
     }
     aside = Velocity(0.3, 0.0, 2.0, -0.4)
-    assert movement_from_json(movement_to_json(aside)) == aside
-    assert reach_m(aside) == pytest.approx(1.0)
-    assert movement_text(aside) == "0.30 m/s, 0.40 m/s to the right, 0°/s for 2.0 s"
+    assert movement_from_json(aside.to_json()) == aside
+    assert aside.reach_m == pytest.approx(1.0)
+    assert aside.text == "0.30 m/s, 0.40 m/s to the right, 0°/s for 2.0 s"
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ ARM_NAMES = re.compile(rb"heron|magpie|aviary", re.IGNORECASE)
 AVIARY = '''"""Two slow policies that reveal their names wherever possible."""
 import logging, time
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.decision import Decision, Diagnostics
 
 class Heron(Policy):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import assert_never
 
 from vsnbench.control.command import Controller
 from vsnbench.control.controller import MotionController
@@ -14,7 +15,7 @@ from vsnbench.control.settings import MotionSettings
 from vsnbench.control.stall import DRIVE_SHARE
 from vsnbench.control.standstill import QUIET, StandstillNoise
 from vsnbench.control.velocity_controller import VelocityController
-from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Velocity, Waypoint, goes_sideways
+from vsnbench.values.movement import Drive, Move, Sidestep, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
 ARRIVED_M = 0.012
@@ -97,6 +98,8 @@ class LegPlan:
                 yield from self._step_aside(start.compose(Pose(0.0, left_m)).position, start.heading_rad)
             case Velocity():
                 yield Leg(velocity=movement)
+            case _:
+                assert_never(movement)
 
     def _face(self, heading_rad: float, aligned_rad: float) -> Iterator[Leg]:
         """Turn to an absolute heading, unless the difference is small."""
@@ -162,7 +165,7 @@ class LegPlan:
 
 def refusal(movement: Drive, settings: MotionSettings) -> str:
     """Return why a base cannot execute a movement, or an empty string."""
-    if goes_sideways(movement) and not settings.lateral_m_s:
+    if movement.goes_sideways and not settings.lateral_m_s:
         return "the base cannot move sideways: its profile has no base.max_lateral_m_s"
     return ""
 
@@ -189,6 +192,8 @@ def longest_duration_s(movement: Drive, settings: MotionSettings) -> float:
             way_m, turned_rad, legs = abs(left_m) * slower, 0.0, 3
         case Trajectory(points):
             way_m, turned_rad, legs = movement.length_m, math.pi * (len(points) + 1), 2
+        case _:
+            assert_never(movement)
     return 2 * way_m / settings.linear_m_s + 2 * turned_rad / settings.angular_rad_s + legs * settings.timeout_s
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsnbench.errors import RecordError, UsageError
 from vsnbench.files.regular import open_regular
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 _WORDS: dict[str, tuple[Action, str]] = {
     "stop": (Action.STOP, "STOP"),

@@ -7,7 +7,7 @@ it and does not ask it for decisions. In stop-and-go execution, the default, the
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Literal, Self, get_args
 
 from pydantic import (
     BaseModel,
@@ -19,16 +19,14 @@ from pydantic import (
 )
 
 from vsnbench.errors import UsageError
-from vsnbench.values.action import ActionKind
+from vsnbench.values.movement import Movement
 
 STOP_AND_GO: Final = "stop_and_go"
 CONTINUOUS: Final = "continuous"
 STACK: Final = "stack"
 """The three words for how trials are executed, in records and reports."""
 MEASURED: Final = "measured"
-KINDS_WHILE_DRIVING: Final = frozenset(
-    {ActionKind.WAYPOINT, ActionKind.TRAJECTORY, ActionKind.VELOCITY, ActionKind.PIXEL}
-)
+KINDS_WHILE_DRIVING: Final = frozenset(made.kind for made in get_args(Movement) if made.replaces_path)
 """Kinds of answers that can replace a running path. Discrete actions, moves and chunks go from rest to rest."""
 STACK_RATE_HZ: Final = 2.0
 STACK_FRAMES_HZ: Final = 5.0

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from vsnbench.protocol.limits import Spent
 from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 if TYPE_CHECKING:

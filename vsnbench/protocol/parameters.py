@@ -24,8 +24,7 @@ from vsnbench.protocol.execution import (
     Execution,
     time_limit_s,
 )
-from vsnbench.values.action import Action
-from vsnbench.values.movement import Move
+from vsnbench.values.movement import Action, Move
 from vsnbench.values.placement import PlacementTolerance
 
 PAPER_PROTOCOL = "ros4vsn"

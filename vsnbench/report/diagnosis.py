@@ -18,8 +18,7 @@ from vsnbench.results.model import EPISODE, EpisodeRecord
 from vsnbench.results.reading.queries import episode_record, episode_steps
 from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted, duration_text
-from vsnbench.values.action import Action
-from vsnbench.values.movement import KIND_OF, Move
+from vsnbench.values.movement import Action, Move
 from vsnbench.values.step import StepRecord
 
 _STILL_M = 0.5
@@ -114,9 +113,7 @@ def _blocked_places(ground: CourseMap | None, episode: EpisodeRecord, steps: Seq
 
 
 def _kind_of_answers(steps: Sequence[StepRecord]) -> str:
-    kinds = {
-        None if step.movement is None else KIND_OF[type(step.movement)] for step in steps if step.action not in _REST
-    }
+    kinds = {None if step.movement is None else step.movement.kind for step in steps if step.action not in _REST}
     kind = kinds.pop() if len(kinds) == 1 else None
     return "action" if kind is None else kind.value
 

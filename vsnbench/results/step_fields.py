@@ -10,7 +10,7 @@ from vsnbench.results.schema import tables
 from vsnbench.results.schema.row_encoding import number
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN
-from vsnbench.values.movement import Movement, movement_to_json
+from vsnbench.values.movement import Movement
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 
@@ -99,7 +99,7 @@ STEP = Fields(
             "movement",
             Movement | None,
             "movement that the model asked for, in the robot's frame at the observation",
-            lambda step: movement_to_json(step.movement) if step.movement else None,
+            lambda step: step.movement.to_json() if step.movement else None,
             absent="for a discrete action",
         ),
         _step(

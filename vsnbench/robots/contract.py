@@ -12,12 +12,11 @@ import numpy.typing as npt
 from vsnbench.protocol.execution import Execution
 from vsnbench.sensing.exchange import Exchange
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity

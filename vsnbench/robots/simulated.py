@@ -24,11 +24,10 @@ from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.physics import CONTROL_PERIOD_S, Touch, simulator_version
 from vsnbench.simulator.scene import build_scene
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera, CameraRole
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import STOP, Drive, holds_heading
+from vsnbench.values.movement import STOP, ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import SIMULATED, RobotIdentity, kind_of_class
@@ -266,7 +265,7 @@ class SimulatedRobot(Robot):
             turn_rad=self._odometry.heading_rad - motion.start.heading_rad,
             duration_s=self._physics.time_s - motion.start_s,
             pose=self._odometry.wrapped,
-            path_m=None if holds_heading(motion.movement) else motion.path_m,
+            path_m=None if motion.movement.holds_heading else motion.path_m,
         )
 
     def _collision(self, touch: Touch | None) -> Collision | None:

@@ -2,7 +2,7 @@
 
 import math
 
-from vsnbench.values.movement import Drive, Move, Trajectory, ahead, end_of, fixes_heading, holds_heading, reach_m
+from vsnbench.values.movement import Drive, Move
 from vsnbench.values.pose import Pose, wrap_angle
 
 MAX_ERROR_M, MAX_ERROR_RAD = 0.10, math.radians(10)
@@ -42,7 +42,7 @@ def overshoot(movement: Drive, before: Pose, now: Pose) -> str:
             turned_deg, turn_deg = math.degrees(turned_rad), math.degrees(movement.turn_rad)
             return f"the robot has turned {turned_deg:.1f}° where {turn_deg:g}° were requested"
         return ""
-    farthest_m, moved_m = reach_m(movement), before.distance_to(now)
+    farthest_m, moved_m = movement.reach_m, before.distance_to(now)
     if moved_m > farthest_m + MAX_ERROR_M:
         return f"the robot is {moved_m:.2f} m from where the movement began, which reaches {farthest_m:.2f} m"
     return ""
@@ -67,13 +67,13 @@ def contradiction(movement: Drive, before: Pose, after: Pose, miss_m: float | No
             f"the odometry moved {moved_m * 100:.1f} cm and turned {math.degrees(turned_rad):.1f}° instead of "
             f"{movement.distance_m * 100:g} cm and {math.degrees(movement.turn_rad):g}°"
         )
-    target = end_of(movement)
+    target = movement.end
     if target is None:
         return overshoot(movement, before, after)
     wanted = before.compose(target)
     if (off_m := wanted.distance_to(after)) > max(_MAX_MISS_M, miss_m or 0.0):
         return f"the odometry is {off_m * 100:.1f} cm from the requested position"
-    if fixes_heading(movement):
+    if movement.fixes_heading:
         off_rad = abs(wrap_angle(wanted.heading_rad - after.heading_rad))
         if off_rad > MAX_ERROR_RAD:
             return f"the odometry is {math.degrees(off_rad):.1f}° from the requested heading"
@@ -81,11 +81,11 @@ def contradiction(movement: Drive, before: Pose, after: Pose, miss_m: float | No
 
 
 def remaining_m(movement: Drive, before: Pose, now: Pose) -> float:
-    """Return the distance that is left to the end; infinity for a trajectory, whose way is not straight."""
-    target = end_of(movement)
+    """Return the distance that is left to the end; infinity if the way is not straight."""
+    target = movement.end
     if target is None:
-        return max(reach_m(movement) - before.distance_to(now), 0.0)
-    if isinstance(movement, Trajectory):
+        return max(movement.reach_m - before.distance_to(now), 0.0)
+    if not movement.is_straight:
         return math.inf
     return before.compose(target).distance_to(now)
 
@@ -98,9 +98,9 @@ def distance_along(before: Pose, after: Pose) -> float:
 
 def displacement_m(movement: Drive, before: Pose, after: Pose) -> float:
     """Return the distance between two poses in metres, negative if the robot drove backwards."""
-    if holds_heading(movement):
+    if movement.holds_heading:
         return distance_along(before, after)
-    return -before.distance_to(after) if ahead(movement) < 0 else before.distance_to(after)
+    return -before.distance_to(after) if movement.ahead < 0 else before.distance_to(after)
 
 
 def _outside(value: float, requested: float, tolerance: float) -> bool:

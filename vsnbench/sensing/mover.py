@@ -25,7 +25,7 @@ from vsnbench.sensing.mover_senses import MoverSenses
 from vsnbench.sensing.odometry.odometry import ClockOffset, OdometryTracker
 from vsnbench.sensing.odometry.rest_readings import ROLL_OUT_S, RestReadings, Start
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import STOP, Drive, holds_heading, movement_text
+from vsnbench.values.movement import STOP, Drive
 from vsnbench.values.pose import Pose
 
 _SETTLING_READINGS = 2.5
@@ -143,10 +143,10 @@ class Mover:
         """
         if refused := refusal(movement, self.settings):
             return _failed(refused)
-        holds = holds_heading(movement)
+        holds = movement.holds_heading
         if not holds:
             timeout_s = min(timeout_s, longest_duration_s(movement, self.settings))
-        ticket = self._take_ticket(f"pre-empted by another movement: {movement_text(movement)}")
+        ticket = self._take_ticket(f"pre-empted by another movement: {movement.text}")
         with self._moving:
             began_s = self._now_s()
 

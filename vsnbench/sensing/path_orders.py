@@ -10,16 +10,10 @@ from enum import StrEnum
 from typing import Any, Final, Self
 
 from vsnbench.errors import DecisionError
+from vsnbench.values.decision_check import checked_movement
+from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.encoding.motion_answer import MOST_NAME, MOST_TEXT, number_in, text_in
-from vsnbench.values.movement import (
-    Drive,
-    Trajectory,
-    Velocity,
-    Waypoint,
-    checked_movement,
-    movement_from_json,
-    movement_to_json,
-)
+from vsnbench.values.movement import Drive, Pixel
 from vsnbench.values.pose import Pose
 
 REPEAT_S: Final = 0.05
@@ -55,7 +49,7 @@ class PathOrder:
 
     def to_json(self) -> dict[str, Any]:
         """Return the order as JSON values."""
-        task = {"end": self.task.value} if isinstance(self.task, PathEnd) else {"movement": movement_to_json(self.task)}
+        task = {"end": self.task.value} if isinstance(self.task, PathEnd) else {"movement": self.task.to_json()}
         at = self.origin
         origin = {} if at is None else {"origin": {"x_m": at.x_m, "y_m": at.y_m, "heading_rad": at.heading_rad}}
         return {"caller": self.caller, "number": self.number, "leaves": self.leaves, **task, **origin}
@@ -80,8 +74,8 @@ class PathOrder:
                 checked = checked_movement(movement_from_json(movement))
             except DecisionError as error:
                 raise ValueError(str(error)) from error
-            if not isinstance(checked, Waypoint | Trajectory | Velocity):
-                raise ValueError(f"a {movement['kind']} goes from rest to rest")
+            if isinstance(checked, Pixel) or not checked.replaces_path:
+                raise ValueError(f"a {checked.kind} cannot replace a running path")
             task = checked
         origin = None
         if (at := content.get("origin")) is not None:

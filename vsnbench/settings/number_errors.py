@@ -51,7 +51,7 @@ def describe_number_error(detail: ErrorDetails) -> FieldError | None:
         return _not_a_number("finite_number", given, field)
     bound, relation = (_LOWER_BOUNDS | _UPPER_BOUNDS)[kind]
     limit = float(detail["ctx"][bound])
-    symbol = _unit_of(field)[0]
+    symbol = unit_of(field)[0]
     statement = f"must be {relation} {limit:g}{symbol}, got {given:g}{symbol}"
     return FieldError(statement, other_unit(field, float(given), limit) if kind in _UPPER_BOUNDS else "")
 
@@ -71,7 +71,7 @@ def as_written(given: Any) -> str:
     return repr(given[:40]) if isinstance(given, str) else str(given)[:40]
 
 
-def _unit_of(field: str) -> tuple[str, str]:
+def unit_of(field: str) -> tuple[str, str]:
     """Return the symbol of a field's unit, with a space before it, and its name; both empty without a unit."""
     if field in _COORDINATES:
         return " m", "metres"
@@ -84,7 +84,7 @@ def _not_a_number(kind: str, given: Any, field: str) -> FieldError:
     text = given.strip() if isinstance(given, str) else ""
     if _WITH_COMMA.fullmatch(text):
         return FieldError(statement, f"write {text.replace(',', '.')}, with a point")
-    unit = _unit_of(field)[1]
+    unit = unit_of(field)[1]
     return FieldError(statement, f"write it in {unit}" if unit else "")
 
 
@@ -92,7 +92,7 @@ def other_unit(field: str, given: float, limit: float) -> str:
     """Return the largest unit in which a length or an angle above its limit is possible; empty for other numbers."""
     if field.endswith("_rad") and math.radians(given) <= limit:
         return f"this looks like degrees; in radians it is {math.radians(given):.4g}"
-    name = _unit_of(field)[1]
+    name = unit_of(field)[1]
     if given < 1 or not name.startswith("metres"):
         return ""
     units = (("centimetres", 100), ("millimetres", 1000))

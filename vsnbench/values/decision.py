@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.values.action import Action, ActionKind
-from vsnbench.values.movement import KIND_OF, Chunk, Movement, action_of
+from vsnbench.values.movement import Action, ActionKind, Chunk, Movement, action_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +88,9 @@ class Decision:
         if isinstance(given, Chunk) and given.parts:
             object.__setattr__(self, "parts", tuple(given.parts))
             given = self.parts[0]
-        if type(given) in KIND_OF and not isinstance(given, Chunk):
+        if isinstance(given, Movement):
             object.__setattr__(self, "movement", given)
-            given = action_of(given)  # type: ignore[arg-type]  # its type is in KIND_OF
+            given = action_of(given)
         if isinstance(given, Action):
             object.__setattr__(self, "action", given)
             if not self.raw_action:
@@ -106,4 +105,4 @@ class Decision:
 
 
 def _kind(movement: Movement | None) -> ActionKind:
-    return ActionKind.DISCRETE if movement is None else KIND_OF[type(movement)]
+    return ActionKind.DISCRETE if movement is None else movement.kind

@@ -7,15 +7,14 @@ fields where they mean "unknown".
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
 from vsnbench.errors import DecisionError
 from vsnbench.text.sanitize import without_controls
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
-from vsnbench.values.movement import MAX_PARTS, Movement, action_of, checked_movement
+from vsnbench.values.movement import MAX_PARTS, Action, Movement, action_of
 
 MOST_NAME_CHARACTERS: Final = 200
 MOST_NOTE_CHARACTERS: Final = 10_000
@@ -86,6 +85,20 @@ def _checked_part(part: object) -> Action | Movement:
             raise DecisionError(f"{part} needs its parameters: put the movement itself into the chunk")
         return part
     return checked_movement(part)
+
+
+def checked_movement(given: object) -> Movement:
+    """Return a validated copy of a movement, which does not hold headings: only the robot's own actions do.
+
+    Raises:
+        DecisionError: it is not a movement, or a number is not finite or beyond its limit.
+    """
+    for made in get_args(Movement):
+        if isinstance(given, made):
+            checked: Movement = made.checked(given)
+            return checked
+    example = "use Waypoint(1.0, 0.0), for example"
+    raise DecisionError(f"expected a movement, got {type(given).__name__}", advice=example)
 
 
 def checked_diagnostics(given: Diagnostics) -> Diagnostics:

@@ -42,8 +42,9 @@ class ArraySpec:
         """Return whether an array has this form."""
         if values.dtype != self.dtype or values.ndim != len(self.shape):
             return False
-        if any(isinstance(length, int) and length != values.shape[axis] for axis, length in enumerate(self.shape)):
-            return False
+        for wanted, length in zip(self.shape, values.shape, strict=True):
+            if wanted != length and isinstance(wanted, int):
+                return False
         return bool(self.nan) or values.dtype.kind != "f" or bool(np.isfinite(values).all())
 
     def __str__(self) -> str:

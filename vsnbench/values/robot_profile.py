@@ -21,9 +21,8 @@ from pydantic import (
     model_validator,
 )
 
-from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera, CameraRole
-from vsnbench.values.movement import DRIVE_KINDS
+from vsnbench.values.movement import ADAPTER_KINDS, DRIVE_KINDS, ActionKind
 from vsnbench.values.observation import MAX_PIXEL_BYTES
 
 
@@ -272,7 +271,7 @@ class RobotProfile(BaseModel):
     @property
     def drive_kinds(self) -> frozenset[ActionKind]:
         """Kinds of movements that the base executes."""
-        return DRIVE_KINDS | ({ActionKind.SIDESTEP} if self.base.max_lateral_m_s else frozenset())
+        return ADAPTER_KINDS if self.base.max_lateral_m_s else DRIVE_KINDS
 
     @property
     def tolerance_conditions(self) -> dict[str, Any]:

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Movement
+from vsnbench.values.movement import Action, Movement
 from vsnbench.values.pose import Pose
 
 

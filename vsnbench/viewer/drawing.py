@@ -15,9 +15,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.results.files.episode_entries import Entry, EpisodeHeader, EventEntry, StepEntry
 from vsnbench.results.writing.entries import EpisodeEnd
 from vsnbench.text.distances import distance_text
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Box
-from vsnbench.values.movement import movement_text
+from vsnbench.values.movement import Action
 from vsnbench.values.step import StepRecord
 from vsnbench.viewer.blueprint import send_layout
 from vsnbench.viewer.entity_log import EntityLog
@@ -287,7 +286,7 @@ def _decision_text(entry: StepEntry) -> str:
     infer_s = entry.step.timings.infer_s
     lines = [f"**{entry.decision.raw_action}**" + (f" in {infer_s * 1e3:.0f} ms" if infer_s is not None else "")]
     if entry.step.movement is not None:
-        lines.append(movement_text(entry.step.movement))
+        lines.append(entry.step.movement.text)
     if (answer := entry.step.answer) is not None:
         stale = " and was dropped as stale" if answer.stale else ""
         waiting_s = (entry.step.result.waiting_s if entry.step.result else None) or 0.0

@@ -24,7 +24,7 @@ from vsnbench.runner.study.arms import StudyPlace
 from vsnbench.study.lock import sha256_of
 
 QUICK = '"""Policies that end at once."""\nimport logging\nfrom vsnbench.models.contract import ModelCard, Policy\n'
-QUICK += "from vsnbench.values.action import Action\nfrom vsnbench.values.decision import Decision, Diagnostics\n"
+QUICK += "from vsnbench.values.movement import Action\nfrom vsnbench.values.decision import Decision, Diagnostics\n"
 for _name, _turns in (("Heron", 1), ("Magpie", 3)):
     QUICK += f"""
 class {_name}(Policy):

@@ -27,7 +27,7 @@ from vsnbench.results.database_url import sqlite_url
 from vsnbench.results.files.directory import ResultsDirectory
 from vsnbench.results.reading.queries import episode_steps
 from vsnbench.results.schema.migrate import open_record
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.step import StepRecord
 
 CAMERA, DEPTH = "observation.images.camera", "observation.images.depth"

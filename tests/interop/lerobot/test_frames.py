@@ -14,10 +14,9 @@ from vsnbench.errors import UsageError
 from vsnbench.interop.episodes import read_episodes
 from vsnbench.interop.lerobot.frames import ACTIONS, CAMERA, NOT_EXPORTABLE, EpisodeFrames, frames_of, task_text
 from vsnbench.results.model import Episode
-from vsnbench.values.action import Action
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Waypoint
+from vsnbench.values.movement import Action, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 

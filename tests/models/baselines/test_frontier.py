@@ -17,9 +17,8 @@ from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.execution import Execution
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
-from vsnbench.values.movement import Trajectory, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Trajectory, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 

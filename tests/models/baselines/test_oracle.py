@@ -14,7 +14,7 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.sites.geometry.walls import wall_shapes
 from vsnbench.sites.site import Site, load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 

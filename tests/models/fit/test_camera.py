@@ -11,11 +11,10 @@ from vsnbench.models.fit.camera import CroppedPolicy, comparison_text, crop_for
 from vsnbench.models.task import Task, task_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision, Diagnostics
 from vsnbench.values.model.trained_camera import TrainedCamera
-from vsnbench.values.movement import Chunk, Pixel
+from vsnbench.values.movement import Action, ActionKind, Chunk, Pixel
 from vsnbench.values.observation import InstanceImage, Observation, Sensor, shown_to_policy
 from vsnbench.values.pose import Pose
 

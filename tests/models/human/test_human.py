@@ -15,8 +15,8 @@ from vsnbench.models.human import controls as rules
 from vsnbench.models.human.controls import NO_LIMITS, Controls, ControlsError, Phase
 from vsnbench.models.human.policy import Human
 from vsnbench.models.registry import create_policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 
 Answer = TypeVar("Answer")
 

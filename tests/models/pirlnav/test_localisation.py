@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose, wrap_angle
 
 STEP = Pose(0.25, 0.0)

@@ -22,9 +22,9 @@ from vsnbench.models.pirlnav.onnx_graph import Weights, network_file
 from vsnbench.models.pirlnav.policy import ACTIONS, PIRLNav
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.models.registry import create_policy
-from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

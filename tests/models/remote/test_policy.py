@@ -32,7 +32,7 @@ from vsnbench.models.remote.connection import Connection
 from vsnbench.models.remote.peer import MAX_ANSWER_BYTES, Address, ModelBusyError
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import pack
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Sensor
 
 REPEATS = """

@@ -373,7 +373,7 @@ def test_other_code_in_another_python_is_another_model(models_directory: Path) -
 
 OURS = """
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.decision import Decision
 
 class Walker(Policy):

@@ -7,21 +7,14 @@ from typing import Any
 
 from websockets.sync.server import ServerConnection
 
-from scripts.wire_page import wire_page
 from tests.models.remote.servers import look, scripted_server
 from vsnbench.models.remote.policy import RemotePolicy
 from vsnbench.models.remote.vsnbench_policy import _common_version, pack, unpack
 from vsnbench.models.synthetic import synthetic_task
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import observation_of
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
-
-
-def test_the_table_of_sensors_is_that_of_their_declarations() -> None:
-    assert wire_page(PAGE) == PAGE
-
-
 EXAMPLE = re.compile(r"^(\{.*\})\n([0-9a-f]+)$", re.MULTILINE)
 
 

@@ -18,8 +18,8 @@ from vsnbench.models.stack.policy import StackPolicy
 from vsnbench.models.task import task_of
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import Action
 from vsnbench.values.goal import Goal
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 RULES = ProtocolParameters().driven_by_stack()

@@ -16,7 +16,7 @@ from vsnbench.sensing.images.camera_images import median_depth_m
 from vsnbench.sensing.occupancy_map import FREE, OCCUPIED, OccupancyMap
 from vsnbench.sites.geometry.walls import wall_shapes
 from vsnbench.sites.site import Site, load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 

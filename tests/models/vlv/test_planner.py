@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vsnbench.models.vlv.planner import FloatGrid, Planner, Terrain, path_of, value_at
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.sensing.occupancy_map import OccupancyMap
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 SETTINGS = VLVSettings()

@@ -12,7 +12,7 @@ from vsnbench.errors import ModelError, UsageError
 from vsnbench.models.registry import create_policy
 from vsnbench.models.vlv.policy import VLV
 from vsnbench.models.vlv.settings import VLVSettings
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

@@ -20,9 +20,9 @@ from vsnbench.results.reading.filtering import EpisodeFilter
 from vsnbench.results.reading.queries import episode_record, list_episodes
 from vsnbench.results.writing.entries import INTERVENTION
 from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord
 

@@ -20,9 +20,9 @@ from vsnbench.report.build import build, read
 from vsnbench.report.tables.failures import JUDGEMENTS, failure_table, judgement_table, narrative_table
 from vsnbench.report.tables.sensitivity import sensitivity_tables
 from vsnbench.results.writing.campaigns import Trial
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 STARTS = range(1, 16)

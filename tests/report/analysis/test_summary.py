@@ -23,7 +23,7 @@ from vsnbench.report.tables.activity import end_counts, end_reason_table
 from vsnbench.report.tables.success import SUMMARY, goal_table
 from vsnbench.results.writing.campaigns import Trial
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.step import StepRecord, StepTimings
 
 

@@ -21,9 +21,9 @@ from vsnbench.results.schema.tables import StepRow
 from vsnbench.results.writing.campaigns import CampaignPlan, Trial, trial_seed
 from vsnbench.results.writing.entries import EpisodeBegin, EpisodeEnd, unjudged_end
 from vsnbench.results.writing.journal import Journal
-from vsnbench.values.action import Action
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.step import StepRecord
 
 

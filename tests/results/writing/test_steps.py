@@ -11,9 +11,8 @@ from vsnbench.errors import EpisodeClosedError
 from vsnbench.results.reading.queries import episode_steps
 from vsnbench.results.writing import steps
 from vsnbench.results.writing.journal import Journal
-from vsnbench.values.action import Action
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Pixel, Trajectory
+from vsnbench.values.movement import Action, Pixel, Trajectory
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import AnswerTiming
 

@@ -11,7 +11,7 @@ from tests.robots.adapter.nav2_stand_in import TYPES, Nav2StandIn
 from vsnbench.sensing.movement_check import contradiction
 from vsnbench.values.encoding.motion_answer import result_of_answer
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint, movement_to_json
+from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
 
 import nav2_adapter  # isort: skip  # adapters has its path
 
@@ -41,7 +41,7 @@ class Adapter(nav2_adapter.Nav2):
 def driven(nav2: Nav2StandIn, movement: Drive, *, leaves_after: int = 10**6, deadline_s: float = 30.0) -> MotionResult:
     """Execute a movement for a client that leaves after some steps."""
     running = by_velocity.Movement(Adapter(nav2))
-    running.begin({"movement": movement_to_json(movement), "deadline_s": deadline_s})
+    running.begin({"movement": movement.to_json(), "deadline_s": deadline_s})
     steps = 0
     while running.runs and steps < leaves_after:
         running.go_on(0.0)

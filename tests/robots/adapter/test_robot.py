@@ -12,10 +12,9 @@ from vsnbench.errors import NotPlacedError, RobotError, SensorLostError
 from vsnbench.robots.adapter.robot import AdapterRobot
 from vsnbench.robots.contract import DrivingView
 from vsnbench.robots.profiles import load_profile
-from vsnbench.values.action import ActionKind
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.motion_result import CollisionSource
-from vsnbench.values.movement import DRIVE_KINDS, STOP, Move, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import DRIVE_KINDS, STOP, ActionKind, Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Sensor
 from vsnbench.values.pose import Pose
 

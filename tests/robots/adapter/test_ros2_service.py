@@ -10,9 +10,8 @@ from tests.robots.adapter.adapters import PlaneBase
 from tests.ros.ros2.wire import Wire
 from vsnbench.ros.ros2.readiness import card_of_mover
 from vsnbench.ros.ros2.topic_service import TopicServiceClient
-from vsnbench.values.action import ActionKind
 from vsnbench.values.encoding.motion_answer import result_of_answer
-from vsnbench.values.movement import Move, movement_to_json
+from vsnbench.values.movement import ActionKind, Move
 
 import ros2_adapter  # isort: skip  # adapters has its path
 
@@ -40,7 +39,7 @@ def client(wire: Wire, service: Any) -> TopicServiceClient:
 
 
 def request(distance_m: float = 0.5, deadline_s: float = 20.0) -> dict[str, Any]:
-    movement = movement_to_json(Move(distance_m, holds_heading=True))
+    movement = Move(distance_m, holds_heading=True).to_json()
     return {"request": "drive", "movement": movement, "deadline_s": deadline_s}
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.robots.adapter.adapters import by_velocity, driven
 from tests.robots.adapter.vendor_stand_ins import LateBase, SportSdk, SpotSdk, StretchRobot
-from vsnbench.values.movement import Drive, Move, Trajectory, Waypoint, movement_to_json
+from vsnbench.values.movement import Drive, Move, Trajectory, Waypoint
 from vsnbench.values.pose import Pose
 
 import go2  # isort: skip  # adapters has their path
@@ -60,7 +60,7 @@ def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Mad
 
 
 def finish(base: by_velocity.Base, movement: Drive, deadline_s: float = 60.0) -> dict[str, Any]:
-    steps = base.execute(movement_to_json(movement), deadline_s)
+    steps = base.execute(movement.to_json(), deadline_s)
     while True:
         try:
             next(steps)

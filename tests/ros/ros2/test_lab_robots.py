@@ -21,7 +21,6 @@ from tests.robots.faulty_rig import is_overload, why_of
 from tests.robots.lab_robots import ROBOTS, LabRobot, disagreement, movements
 from tests.ros.ros2.graph import Graph2, client_of, live_graph
 from vsnbench.robots.profiles import embedded_profiles
-from vsnbench.values.movement import movement_text, movement_to_json
 from vsnbench.values.pose import Pose
 
 pytestmark = [pytest.mark.long, pytest.mark.ros2, pytest.mark.timeout(900)]
@@ -104,11 +103,11 @@ def test_a_robot_drives_twenty_movements_and_a_trial(session: Session, request: 
         client("begin", 5.0, 5.0, 0.0)
         wrong, worst_m, worst_deg, took_s = {}, 0.0, 0.0, 0.0
         for movement in movements(ROBOTS[name].profile):
-            result, off_m, off_deg = session.move(client, movement_to_json(movement))
+            result, off_m, off_deg = session.move(client, movement.to_json())
             worst_m, worst_deg = max(worst_m, off_m), max(worst_deg, off_deg)
             took_s += result["duration_s"]
             if not result["completed"] or off_m > LIMIT_M or off_deg > LIMIT_DEG:
-                wrong[movement_text(movement)] = why_of(result), off_m, off_deg
+                wrong[movement.text] = why_of(result), off_m, off_deg
     finally:
         client.close()
     sys.stdout.write(

@@ -18,7 +18,7 @@ from tests.robots.faulty_rig import is_overload, why_of
 from tests.ros.ros2.graph import HERE, Graph2, client_of, live_graph
 from tests.ros.ros2.interface_package import can_have, package_of
 from tests.ros.ros2.test_motion_adapter import EXAMPLE, JUDGED, SITE, profile_with_adapter
-from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint, movement_text, movement_to_json
+from vsnbench.values.movement import Drive, Move, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
 pytestmark = [
@@ -80,7 +80,7 @@ def nav2(directory: Path, packages: Path | None, *words: str) -> Iterator[tuple[
 def drive(client: Client, movement: Drive) -> dict:
     """Return the result of a movement, which a busy machine may make necessary several times."""
     for _ in range(ATTEMPTS):
-        result = client("drive", movement_to_json(movement))
+        result = client("drive", movement.to_json())
         if result["completed"] or not is_overload(why_of(result)):
             break
     return result
@@ -94,10 +94,10 @@ def test_movements_are_goals_of_nav2_and_end_where_they_should(tmp_path: Path, p
             for movement, end in ENDS.items():
                 before = Pose(*client("locate")[:3])
                 result = drive(client, movement)
-                assert result["completed"], (movement_text(movement), why_of(result))
+                assert result["completed"], (movement.text, why_of(result))
                 after = Pose(*client("locate")[:3]).relative_to(before)
                 off_deg = math.degrees(math.remainder(after.heading_rad - end.heading_rad, math.tau))
-                sys.stdout.write(f"{movement_text(movement)}: {after.distance_to(end):.3f} m, {off_deg:.1f} degrees\n")
+                sys.stdout.write(f"{movement.text}: {after.distance_to(end):.3f} m, {off_deg:.1f} degrees\n")
                 assert after.distance_to(end) < 0.1
                 assert abs(off_deg) < 8
             assert "Nav2 has no action for velocity" in why_of(drive(client, Velocity(0.2)))
@@ -112,7 +112,7 @@ def test_a_goal_of_another_client_ends_a_movement_as_a_rivals(tmp_path: Path, pa
         client = client_of(graph, profile, 60.0)
         try:
             client("begin", 5.0, 5.0, 0.0)
-            driving = client.later("drive", movement_to_json(Move(2.0)))
+            driving = client.later("drive", Move(2.0).to_json())
             wait_until(lambda: "accepted" in graph.processes[1].output, "the robot drives")
             assert rival.popen.stdin is not None
             rival.popen.stdin.write(b"\n")

@@ -11,7 +11,7 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.disturbances.fit import check_before_opening, check_disturbances, warn_of_unused
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec, prepare_setup
 from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Sensor
 
 TILTED = parse_disturbances(["camera_tilt"])

@@ -14,7 +14,7 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

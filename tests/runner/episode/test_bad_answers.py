@@ -26,8 +26,7 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec, prepare_setup
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action, ActionKind
-from vsnbench.values.movement import Chunk, Movement, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Chunk, Movement, Trajectory, Velocity, Waypoint
 from vsnbench.values.pose import Pose
 
 NEAR_A_WALL = StartingPosition(number=1, position=(9.2, 3.2), heading_deg=90)

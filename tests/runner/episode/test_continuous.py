@@ -22,12 +22,11 @@ from vsnbench.runner.episode.step import EpisodePlan, Step
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.stopping.requests import Ends, StopAuthor, StopRequest, StopRequests
 from vsnbench.sites.site import Site
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Movement, Pixel, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Movement, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile

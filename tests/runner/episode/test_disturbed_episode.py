@@ -19,10 +19,9 @@ from vsnbench.robots.simulated import SimulatedRobot
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Chunk, Drive, Pixel
+from vsnbench.values.movement import Action, ActionKind, Chunk, Drive, Pixel
 from vsnbench.values.observation import Observation, Sensor
 
 PROFILE = load_profile("turtlebot2")

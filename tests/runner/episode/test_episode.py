@@ -23,10 +23,10 @@ from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.emergency_key import PRESSED
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 

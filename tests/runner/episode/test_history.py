@@ -24,12 +24,11 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Decision
 from vsnbench.values.encoding.codec import observation_to_message
 from vsnbench.values.encoding.image_digest import rgb_digest
-from vsnbench.values.movement import Chunk, Movement, Velocity, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Chunk, Movement, Velocity, Waypoint
 from vsnbench.values.observation import MAX_PIXEL_BYTES, Observation, Sensor, newest_of, with_changes
 from vsnbench.values.pose import Pose
 

@@ -26,10 +26,9 @@ from vsnbench.runner.episode.recorder import EpisodeRecorderFanOut, RecordingOpt
 from vsnbench.runner.episode.step import EpisodePlan
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.simulator.dynamics.physics import Physics
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import NOT_BEGUN
-from vsnbench.values.movement import Waypoint
+from vsnbench.values.movement import Action, ActionKind, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord

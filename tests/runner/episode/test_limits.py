@@ -17,10 +17,9 @@ from vsnbench.robots.contract import Watch
 from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runner.study.output_redaction import OutputRedaction, RedactedPolicy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive
+from vsnbench.values.movement import Action, Drive
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.pose import Pose
 

@@ -26,8 +26,8 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.stopping.requests import Stopped, StopRequests, of_signal
 from vsnbench.text.sanitize import LONGEST_LINE
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 
 UPWARD = {"x86_64": 0x800, "aarch64": 0x400000}[platform.machine()]

@@ -25,10 +25,10 @@ from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.goals import GoalTarget, SiteGoal
 from vsnbench.sites.site import Site, StartingPosition
 from vsnbench.sites.targets import describe_goal
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 

@@ -21,10 +21,20 @@ from vsnbench.runner.episode.episode import run_episode
 from vsnbench.runner.episode.pixel import waypoint_of
 from vsnbench.runner.episode.step import Step
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Chunk, Drive, Move, Movement, Pixel, Sidestep, Velocity, Waypoint
+from vsnbench.values.movement import (
+    Action,
+    ActionKind,
+    Chunk,
+    Drive,
+    Move,
+    Movement,
+    Pixel,
+    Sidestep,
+    Velocity,
+    Waypoint,
+)
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import RobotProfile

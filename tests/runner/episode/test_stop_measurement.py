@@ -24,8 +24,8 @@ from vsnbench.runner.episode.stop_measurement import StopMeasurement
 from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.simulator.dynamics.noise import NoiseSettings, OdometryNoise
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import observation_of
 from vsnbench.values.placement import MeasuredPlacement, PlacementMethod, PlacementTolerance, PoseCovariance
 from vsnbench.values.pose import Pose

@@ -33,10 +33,10 @@ from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.emergency_key import PRESSED
 from vsnbench.runner.stopping.requests import StopAuthor, Stopped, StopRequest, StopRequests
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.model.card import ModelCard
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.robot_identity import RobotIdentity
 
 

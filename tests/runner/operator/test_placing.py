@@ -21,9 +21,9 @@ from vsnbench.runner.operator.contract import AbsentOperator
 from vsnbench.runner.operator.placing import Placing
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import PoseSource
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

@@ -13,7 +13,7 @@ from vsnbench.runner.episode.step import Step
 from vsnbench.runner.operator.contract import AbsentOperator, TrialCounts
 from vsnbench.runner.operator.progress import ProgressDisplay
 from vsnbench.runner.stopping.requests import StopRequests
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from vsnbench.models.loaded import LoadedPolicy
 from vsnbench.models.remote.card import card_of
 from vsnbench.models.remote.vsnbench_policy import checked_card
 from vsnbench.runner.setup.trial_setup import TrialSetupSpec, prepare_setup
-from vsnbench.values.action import Action, ActionKind
+from vsnbench.values.movement import Action, ActionKind
 
 DISCRETE = frozenset({ActionKind.DISCRETE})
 MAP = {Action.LOOK_UP: Action.NOOP, Action.LOOK_DOWN: Action.MOVE_FORWARD}

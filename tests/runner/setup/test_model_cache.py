@@ -6,8 +6,8 @@ from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.runner.executors.in_process import DrivingModel
 from vsnbench.runner.setup.model_cache import ModelCache
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 
 SIZES = {"wren": 30, "heron": 40, "magpie": 50}

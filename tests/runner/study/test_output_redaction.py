@@ -8,8 +8,8 @@ import pytest
 from tests.runner.stand_ins import PROFILE
 from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.runner.study.output_redaction import OutputRedaction
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose
 

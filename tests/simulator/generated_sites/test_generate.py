@@ -22,7 +22,7 @@ from vsnbench.simulator.scene import build_scene
 from vsnbench.site_checks.check import check_site
 from vsnbench.sites.categories import GOAL_CATEGORIES
 from vsnbench.sites.site import Site, load_site
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 SAMPLE = [*range(5), *range(1_000, 1_005), *range(10_000, 10_005)]

@@ -17,7 +17,6 @@ from vsnbench.errors import DecisionError
 from vsnbench.models.remote.vsnbench_policy import Camera as RemoteCamera
 from vsnbench.models.remote.vsnbench_policy import Observation as RemoteObservation
 from vsnbench.models.remote.vsnbench_policy import WireError, decision_of, observation_of, pack, unpack
-from vsnbench.values.action import DISCRETE_ACTIONS, Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.values.encoding.codec import (
@@ -27,7 +26,7 @@ from vsnbench.values.encoding.codec import (
     diagnostics_to_details,
     observation_to_message,
 )
-from vsnbench.values.movement import Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
+from vsnbench.values.movement import DISCRETE_ACTIONS, Action, Chunk, Move, Pixel, Trajectory, Velocity, Waypoint
 from vsnbench.values.observation import Observation, Sensor, shown_to_policy
 from vsnbench.values.pose import Pose, wrap_angle
 

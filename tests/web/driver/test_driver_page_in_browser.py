@@ -13,8 +13,8 @@ from tests.accessibility import accessibility_findings
 from tests.cli.chromium import chromium
 from tests.processes import wait_until
 from vsnbench.models.human.controls import Controls
-from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import encode_jpeg
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Budget
 from vsnbench.web.driver.page import DriverPage
 

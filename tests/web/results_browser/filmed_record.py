@@ -14,12 +14,11 @@ from vsnbench.results.files.film import RecordedFrame, StampedPose, film_path, f
 from vsnbench.results.files.images import rgb_path
 from vsnbench.results.writing.journal import Journal
 from vsnbench.sites.site import load_site
-from vsnbench.values.action import Action
 from vsnbench.values.decision_check import SENSING
 from vsnbench.values.encoding.image_digest import file_digest
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Waypoint
+from vsnbench.values.movement import Action, Waypoint
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import AnswerTiming, StepRecord
 

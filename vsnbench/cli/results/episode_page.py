@@ -155,7 +155,7 @@ def _seconds(value: float | None) -> str:
 
 def _print_looks(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     """Print how often a stack was looked at, and what was taken as its STOP."""
-    from vsnbench.values.action import Action
+    from vsnbench.values.movement import Action
 
     source = next((step.raw_action for step in steps if step.action is Action.STOP), "none")
     console.print(f"  {'looks':<17} {len(steps)}; STOP: {safe(source)}", soft_wrap=True)
@@ -194,8 +194,6 @@ def _print_actions(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
 def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
     from rich.table import Table
 
-    from vsnbench.values.movement import movement_text
-
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for name in ("step", "action", "moved", "turned", "x", "y", "heading", ""):
         table.add_column(name, justify="left" if name in ("action", "") else "right", no_wrap=bool(name))
@@ -203,7 +201,7 @@ def _print_steps(console: "Console", steps: "tuple[StepRecord, ...]") -> None:
         pose, result = step.world.pose if step.world else step.after, step.result
         note = (result.failure if result else "") or step.refusal or ("blocked" if step.blocked else "")
         if step.movement is not None:
-            note = f"{movement_text(step.movement)}; {note}".removesuffix("; ")
+            note = f"{step.movement.text}; {note}".removesuffix("; ")
         if step.answer is not None:
             note = f"{'stale ' if step.answer.stale else ''}at {step.answer.age_s:.2f} s; {note}".removesuffix("; ")
         if result and result.collision:

@@ -32,10 +32,10 @@ from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.runtime.threads import compute_with_one_thread
 from vsnbench.simulator.dynamics.noise import NoiseSettings
 from vsnbench.simulator.dynamics.physics import simulator_version
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor, copy_of
+from vsnbench.values.movement import Action, ActionKind
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.step import StepRecord
 

@@ -12,9 +12,9 @@ from vsnbench.interop.episodes import taken_s
 from vsnbench.results.files.confined_paths import confined, read_confined
 from vsnbench.results.files.images import depth_path, further_images, rgb_path
 from vsnbench.results.model import Episode
-from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import picture_size
 from vsnbench.values.goal import GoalKind
+from vsnbench.values.movement import Action
 from vsnbench.values.step import StepRecord
 
 CAMERA, DEPTH = "observation.images.camera", "observation.images.depth"

@@ -7,9 +7,9 @@ import numpy as np
 
 from vsnbench.errors import ModelError
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.goal import GoalKind
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 

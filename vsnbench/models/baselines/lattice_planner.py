@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsnbench.protocol.free_space import RESOLUTION_M, BoolGrid, FreeSpace, distance_field_m
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 _NARROW_M = 0.15

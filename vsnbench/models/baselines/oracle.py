@@ -16,9 +16,9 @@ from vsnbench.protocol.free_space import BoolGrid, FreeSpace, free_space
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import definition_sha256
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.goal import Goal, GoalKind
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base

@@ -3,9 +3,9 @@
 import numpy as np
 
 from vsnbench.models.contract import ModelCard, Policy
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.goal import GoalKind
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 
 _ACTIONS = (Action.STOP, Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)

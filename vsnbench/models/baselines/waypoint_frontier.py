@@ -18,9 +18,8 @@ from vsnbench.models.vlv.planner import Planner, Point
 from vsnbench.models.vlv.search import Search
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.protocol.execution import Execution
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision
-from vsnbench.values.movement import Movement, Trajectory, Waypoint
+from vsnbench.values.movement import Action, ActionKind, Movement, Trajectory, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 

@@ -7,9 +7,8 @@ from vsnbench.models.baselines.oracle import Oracle
 from vsnbench.models.baselines.route import Route
 from vsnbench.models.baselines.standstill import Standstill
 from vsnbench.protocol.free_space import FreeSpace
-from vsnbench.values.action import Action, ActionKind
 from vsnbench.values.decision import Decision, Diagnostics
-from vsnbench.values.movement import MAX_DISTANCE_M, Waypoint
+from vsnbench.values.movement import MAX_DISTANCE_M, Action, ActionKind, Waypoint
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 

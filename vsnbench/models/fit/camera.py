@@ -13,12 +13,11 @@ from vsnbench.models.contract import ModelCard, Policy
 from vsnbench.models.task import Task
 from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.sites.site import Site
-from vsnbench.values.action import Action
 from vsnbench.values.camera import Camera
 from vsnbench.values.decision import Box, Decision
 from vsnbench.values.decision_check import checked_decision
 from vsnbench.values.model.trained_camera import CameraDifference, cropped, part_of
-from vsnbench.values.movement import Movement, Pixel
+from vsnbench.values.movement import Action, Movement, Pixel
 from vsnbench.values.observation import ARRAYS, InstanceImage, Observation, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base

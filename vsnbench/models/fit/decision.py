@@ -8,10 +8,9 @@ from dataclasses import replace
 from vsnbench.errors import DecisionError
 from vsnbench.models.contract import ModelCard
 from vsnbench.models.task import RobotFacts
-from vsnbench.values.action import TILTS, Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.decision_check import checked_decision
-from vsnbench.values.movement import Movement, Sidestep, Velocity
+from vsnbench.values.movement import TILTS, Action, Movement, Velocity
 
 
 def fitting_decision(answer: object, card: ModelCard, robot: RobotFacts | None = None) -> Decision:
@@ -37,8 +36,8 @@ def fitting_decision(answer: object, card: ModelCard, robot: RobotFacts | None =
     for movement in (decision.movement, *decision.parts):
         if isinstance(movement, Velocity) and robot is not None:
             _check_velocity(movement, robot)
-        if isinstance(movement, Sidestep) and robot is not None and not robot.max_lateral_m_s:
-            raise DecisionError("answered with a sidestep, and this base cannot move sideways")
+        elif isinstance(movement, Movement) and movement.goes_sideways and robot and not robot.max_lateral_m_s:
+            raise DecisionError(f"answered with a {movement.kind}, and this base cannot move sideways")
     for part in decision.parts:
         without_tilt(part, card)
     return decision if decision.parts else without_tilt(decision, card)

@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from vsnbench.errors import ModelError, ModelLostError, VsnbenchError
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Budget
 
 CHOICES: Final = frozenset(

@@ -9,12 +9,12 @@ from vsnbench.models.contract import Policy
 from vsnbench.models.human.controls import NO_LIMITS, Controls
 from vsnbench.models.task import Task
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import ActionKind
 from vsnbench.values.decision import Decision
 from vsnbench.values.encoding.images import encode_jpeg
 from vsnbench.values.goal import Goal, GoalKind
 from vsnbench.values.model.card import ModelCard
 from vsnbench.values.model.person import DRIVER, HUMAN
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Observation, Sensor
 
 MAX_NAME_LENGTH: Final = 60

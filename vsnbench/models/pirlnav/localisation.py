@@ -7,7 +7,7 @@ the episode. Only this module inverts the sign of y.
 import math
 
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose, wrap_angle
 
 

@@ -23,9 +23,9 @@ from vsnbench.models.pirlnav.localisation import Localiser
 from vsnbench.models.pirlnav.preprocessing import augment, preprocess
 from vsnbench.models.pirlnav.settings import PIRLNavSettings
 from vsnbench.settings.yaml_file import read_settings
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.model.trained_camera import TrainedCamera
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 
 logger = logging.getLogger(__name__)

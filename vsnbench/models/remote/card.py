@@ -58,7 +58,8 @@ def card_of(greeting: Mapping[str, Any], lost: Mapping[str, str]) -> ModelCard:
         if not field:  # too deep, or not UTF-8
             raise ModelError("its card has values that are not JSON") from error
         where = ".".join(field.split(".")[:2])  # without the member of a union
-        raise ModelError(f"its card's {sanitize(where)}: {sanitize(problem.statement)}"[:_LONGEST_TEXT]) from error
+        statement = f"its card's {sanitize(where)}: {sanitize(problem.statement)}"[:_LONGEST_TEXT]
+        raise ModelError(statement, advice=sanitize(problem.advice)[:_LONGEST_TEXT]) from error
     except (TypeError, ValueError, RecursionError) as error:
         raise ModelError("its card has values that are not JSON") from error
 

@@ -254,7 +254,8 @@ class RemotePolicy(Policy):
         try:
             return card_of(connection.greeting, lost)
         except ModelError as error:
-            raise ModelError(f"the model at {self._address}: {error}", code="invalid-card") from error
+            statement = f"the model at {self._address}: {error.statement}"
+            raise ModelError(statement, advice=error.advice, code="invalid-card") from error
 
 
 def _decision(answer: ServerAnswer, act_timeout_s: float) -> Decision:

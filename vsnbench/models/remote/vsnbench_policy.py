@@ -68,12 +68,9 @@ ACTIONS = ("STOP", "MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "
 """NOOP counts as an action and does not move the robot."""
 TILTS = ("LOOK_UP", "LOOK_DOWN")
 """No robot does these: `action_map` on the card, such as {"LOOK_UP": "NOOP"}, states what replaces them."""
-SENSORS = ("rgb", "depth", "odometry")
-"""Sensors with messages of their own. Any other one that vsnbench has arrives as an attribute of the observation."""
 ARRAY_TYPES = ("uint8", "uint16", "uint32", "int8", "int16", "int32", "float32", "float64")
 MAX_ARRAYS = 16
 MAX_DIMENSIONS = 4
-ACTION_KINDS = ("discrete", "move", "chunk", "waypoint", "trajectory", "velocity", "pixel", "sidestep")
 GOAL_KINDS = ("category", "text", "image", "instruction", "point", "route", "sequence")
 MAX_PHOTOGRAPHS = 100
 POINT_GOAL = "pointgoal_with_gps_compass"
@@ -84,7 +81,7 @@ MAX_HISTORY = 50
 _BUDGET = ("actions_left", "time_left_s", "path_left_m")
 MAX_MESSAGE_BYTES = 64 * 2**20
 """Enough for RGB and float depth of 4096 x 2048. A larger message ends the connection."""
-_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_ATTRIBUTE = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _HELLO_BYTES = 64 * 2**10
 _HELLO_SECONDS = 10.0
 _TEXT_SECONDS = 2.0
@@ -210,7 +207,7 @@ class Observation:
     remaining limits of the episode, `actions_left`, `time_left_s` and `path_left_m`, None where there is no limit.
     history: observations since the last `act`, oldest first, for a model whose card has `history`.
     cameras: observations of further cameras by role, `left`, `right` or `rear`, for a model whose card has `cameras`.
-    arrays: arrays of sensors that this file does not name, by attribute: `observation.scan_m` is `arrays["scan_m"]`.
+    arrays: arrays of other sensors, by name. Each is also an attribute: `arrays["scan_m"]` is `observation.scan_m`.
     """
 
     def __init__(  # noqa: PLR0913 - its fields
@@ -253,7 +250,7 @@ def serve(  # noqa: PLR0913 - what its command line has
 
     Args:
         policy: an object with `card`, `reset(goal, seed)` and `act(observation)`. `card` is a dict with `name` and
-            optionally `goals` (list; absent for any), `sensors` (of "rgb", "depth", "odometry"), `weights_sha256`,
+            optionally `goals` (list; absent for any), `sensors` ("rgb", "depth", "odometry", ...), `weights_sha256`,
             `weights_label`, `settings`, `action_map`, `anchor`, `history`, `cameras`, `deterministic` and `runs_on`
             (device, threads, ...).
             `act` returns the name of an action, or a dict with `action`, `movement` or `parts`, and optionally
@@ -581,7 +578,7 @@ def checked_card(policy: Any) -> dict[str, Any]:
     return {
         "name": name,
         "goals": None if goals is None else sorted(str(goal) for goal in goals),
-        "sensors": _sensors(given.get("sensors") or ()),
+        "sensors": sorted(map(_value, given.get("sensors") or ())),  # vsnbench checks the names
         "weights_sha256": str(given.get("weights_sha256") or ""),
         "weights_label": str(given.get("weights_label") or ""),
         "settings": plain(dict(given.get("settings") or {})),
@@ -590,7 +587,7 @@ def checked_card(policy: Any) -> dict[str, Any]:
         "code": plain(dict(code_of(policy) if given.get("code") is None else given["code"])),
         "files": plain(dict(given.get("files") or {})),
         "runs_on": dict(own_process, **plain(dict(given.get("runs_on") or {}))),
-        "action_kinds": _known(given.get("action_kinds") or ("discrete",), ACTION_KINDS, "action kinds"),
+        "action_kinds": sorted(map(_value, given.get("action_kinds") or ("discrete",))),  # vsnbench checks the names
         "goal_kinds": _known(given.get("goal_kinds") or ("category",), GOAL_KINDS, "goal kinds"),
         "action_map": _action_map(given.get("action_map")),
         **{name: float(given[name]) for name in ("forward_m", "turn_deg") if given.get(name) is not None},
@@ -606,18 +603,6 @@ _CARD_FIELDS = (
     *("code", "files", "runs_on", "action_kinds", "goal_kinds", "action_map", "forward_m", "turn_deg", "camera"),
     *("anchor", "history", "cameras"),
 )
-
-
-def _sensors(given: Iterable[Any]) -> list[str]:
-    """Return sorted names of sensors. A client, which may be newer than this file, refuses those that it has not."""
-    names = sorted(map(_value, given))
-    invalid = [name for name in names if not _NAME.fullmatch(name)]
-    if invalid:
-        raise ValueError("invalid names of sensors: {}".format(", ".join(invalid)))
-    others = [name for name in names if name not in SENSORS]
-    if others:
-        logger.warning("this file knows the sensors %s; vsnbench checks %s", ", ".join(SENSORS), ", ".join(others))
-    return names
 
 
 def _anchor(given: Any) -> dict[str, str]:
@@ -994,7 +979,7 @@ def _arrays_of(arrays: Any) -> dict[str, Any]:
         raise WireError(f"`arrays` must be a mapping of at most {MAX_ARRAYS} arrays")
     found = {}
     for name, array in arrays.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        if not isinstance(name, str) or not _ATTRIBUTE.fullmatch(name) or keyword.iskeyword(name):
             raise WireError(f"`arrays` has {name!r:.40}, which is no name of an attribute")
         if not isinstance(array, dict) or array.get("dtype") not in ARRAY_TYPES:
             raise WireError("`arrays.{}` needs `dtype`, one of {}".format(name, ", ".join(ARRAY_TYPES)))

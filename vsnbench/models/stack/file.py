@@ -11,9 +11,9 @@ from vsnbench.errors import ModelError
 from vsnbench.models.checkpoints.weights import file_sha256
 from vsnbench.protocol.execution import STACK
 from vsnbench.settings.yaml_file import read_settings
-from vsnbench.values.action import ActionKind
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import ModelCard
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
 
 ANNOTATED_EXAMPLE: Final = Path(__file__).with_name("annotated_stack.yaml")

@@ -12,9 +12,9 @@ from vsnbench.models.stack.trial import StackTrial
 from vsnbench.models.task import Task
 from vsnbench.protocol.execution import StopSource
 from vsnbench.sensing.exchange import Exchange
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import Goal
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from vsnbench.models.vlv.settings import VLVSettings
 from vsnbench.sensing.occupancy_map import OccupancyMap
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Pose
 
 FloatGrid = npt.NDArray[np.float64]

@@ -15,8 +15,8 @@ from vsnbench.models.vlv.sub_goals import sub_goal_of, unknown_around
 from vsnbench.models.vlv.swath import obstacles_ahead
 from vsnbench.models.vlv.topological_graph import Candidate, TopologicalGraph
 from vsnbench.sensing.occupancy_map import OccupancyMap
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation
 from vsnbench.values.pose import Pose, wrap_angle
 

@@ -8,8 +8,8 @@ from typing import Any
 from vsnbench.protocol.disturbances import DISTURBANCES, EDITION, text_of_conditions
 from vsnbench.protocol.execution import STACK, STOP_AND_GO, execution_of, text_of_execution, time_limit_s
 from vsnbench.protocol.parameters import PAPER_PROTOCOL
-from vsnbench.values.action import ActionKind
 from vsnbench.values.model.person import driver_of_model
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.robot_identity import REHEARSAL_KEY
 
 _NAMED_ABOVE = ("name", "max_actions", "max_time_s", "max_path_m", "success_distance_m", "execution")

@@ -21,7 +21,7 @@ from vsnbench.report.figures.style import (
     styled,
 )
 from vsnbench.report.figures.text_layout import legend_below, shown, wrapped
-from vsnbench.values.action import TILTS, Action
+from vsnbench.values.movement import TILTS, Action
 
 MAX_PANELS = 6
 """Panels per figure."""

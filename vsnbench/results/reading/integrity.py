@@ -44,11 +44,11 @@ from vsnbench.results.writing.lifecycle import EpisodeState
 from vsnbench.sites.goals import SiteGoal
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
-from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import picture_size
 from vsnbench.values.fix import PoseSource
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.motion_result import CollisionSource
+from vsnbench.values.movement import Action
 from vsnbench.values.robot_profile import RobotProfile
 
 LARGEST_NUMBER: Final = 1e12

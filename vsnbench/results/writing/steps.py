@@ -31,9 +31,9 @@ from vsnbench.results.schema.engine import transaction
 from vsnbench.results.schema.row_encoding import Row, fix_of_columns, number, pose_columns, pose_of_columns, text
 from vsnbench.results.schema.tables import EpisodeRow, StepRow
 from vsnbench.results.writing.lifecycle import LEASE, EpisodeState, lease
-from vsnbench.values.action import Action
+from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import Movement, movement_from_json, movement_to_json
+from vsnbench.values.movement import Action, Movement
 from vsnbench.values.step import AnswerTiming, StepRecord, StepTimings
 
 logger = logging.getLogger(__name__)
@@ -227,7 +227,7 @@ THINKING_S = (
 
 def _movement_json(step: StepRecord) -> dict[str, Any] | None:
     """Return the JSON of a step's movement, of its place in a chunk and of its times; None for a discrete action."""
-    content = {} if step.movement is None else movement_to_json(step.movement)
+    content = {} if step.movement is None else step.movement.to_json()
     if step.part is not None:
         content["part"] = list(step.part)
     if step.result is not None and step.result.path_m is not None:

@@ -12,7 +12,7 @@ from vsnbench.robots.adapter.messages import AdapterState
 from vsnbench.robots.contract import DrivingView, Watch
 from vsnbench.sensing.movement_check import MovementAlarmError, overshoot, remaining_m
 from vsnbench.values.camera import Camera
-from vsnbench.values.movement import Drive, ahead
+from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 
 _DRIVING_M_S = 0.015
@@ -39,7 +39,7 @@ class MovementWatch:
         self.path_m = 0.0
         self.alarm: MovementAlarmError | None = None
         self._camera = camera
-        self._look = look if ahead(movement) > 0 else None
+        self._look = look if movement.ahead > 0 else None
         self._read = read
         self._began_s = self._stamp_s = math.nan
         self._depth_m: npt.NDArray[np.float32] | None = None

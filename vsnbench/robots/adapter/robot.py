@@ -22,19 +22,10 @@ from vsnbench.robots.adapter.progress import MovementWatch
 from vsnbench.robots.contract import Robot, Watch
 from vsnbench.sensing.movement_check import MISS_FACTOR, MovementAlarmError, contradiction, displacement_m
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import (
-    STOP,
-    Drive,
-    goes_sideways,
-    holds_heading,
-    is_watched,
-    movement_text,
-    movement_to_json,
-)
+from vsnbench.values.movement import STOP, ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ADAPTER, RobotIdentity
@@ -172,9 +163,9 @@ class AdapterRobot(Robot):
         self._require_begun()
         before = self._pose_at_rest()
         self._before = before
-        if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
+        if movement.goes_sideways and ActionKind.SIDESTEP not in self.action_kinds:
             return MotionResult(completed=False, failure="the adapter executes no movement to the side", pose=before)
-        looks = watch if Sensor.DEPTH in self.sensors and is_watched(movement) else None
+        looks = watch if Sensor.DEPTH in self.sensors and movement.is_watched else None
         self._watch = watched = MovementWatch(movement, before, self.profile.camera, looks, self._link.take)
         watched.prepare(self._seen_m)
         began_s = time.monotonic()
@@ -184,7 +175,7 @@ class AdapterRobot(Robot):
                 self._link.live().stop()
             else:
                 done, stopped = self._link.live().drive(
-                    movement_to_json(movement),
+                    movement.to_json(),
                     longest_duration_s(movement, self._settings),
                     watched.take,
                     watch=looks is not None,
@@ -205,7 +196,7 @@ class AdapterRobot(Robot):
             after = watched.pose
         miss_m = None if self.profile.tolerances is None else MISS_FACTOR * self.profile.tolerances.position_m
         if result.completed and (contradicted := contradiction(movement, before, after, miss_m)):
-            failure = f"the adapter answered that it is done: {movement_text(movement)}, but {contradicted}"
+            failure = f"the adapter answered that it is done: {movement.text}, but {contradicted}"
             result = replace(result, completed=False, failure=failure)
         return self._measured(watched, after, result, time.monotonic() - began_s)
 
@@ -248,7 +239,7 @@ class AdapterRobot(Robot):
             turn_rad=after.heading_rad - before.heading_rad,
             duration_s=watched.lasted_s if self.identity.simulated else lasted_s,
             pose=after,
-            path_m=None if holds_heading(movement) else watched.path_m + watched.pose.distance_to(after),
+            path_m=None if movement.holds_heading else watched.path_m + watched.pose.distance_to(after),
         )
 
     def _require_begun(self) -> None:

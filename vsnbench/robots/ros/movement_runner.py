@@ -24,7 +24,7 @@ from vsnbench.sensing.odometry.rest_readings import Stillness
 from vsnbench.sensing.robot_reports import RobotSnapshot
 from vsnbench.sensing.steering import rival_text
 from vsnbench.values.motion_result import NOT_BEGUN, Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import STOP, Drive, ahead, holds_heading, movement_text
+from vsnbench.values.movement import STOP, Drive
 from vsnbench.values.pose import Pose
 
 logger = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ class MovementRunner:
 
         try:
             check()
-            if looks is not None and ahead(movement) > 0:
+            if looks is not None and movement.ahead > 0:
                 looks.require_sight(self._link)
             answered = self._link.drive(movement, timeout_s, None if movement == STOP else check)
             # The outcome is on another topic than the answer.
@@ -126,7 +126,7 @@ class MovementRunner:
         collision = self.collision() or (outcome.collision if outcome else None)
         miss_m = MISS_FACTOR * self._settings.position_tolerance_m
         if not failure and not blocked and (contradicted := contradiction(movement, before, after, miss_m)):
-            failure = f"discrete_move answered True to {movement_text(movement)}, but {contradicted}"
+            failure = f"discrete_move answered True to {movement.text}, but {contradicted}"
         return self._measured(
             before,
             after,
@@ -159,7 +159,7 @@ class MovementRunner:
             turn_rad=after.heading_rad - before.heading_rad,
             duration_s=self._link.now_s - self._began_s,
             pose=after,
-            path_m=None if holds_heading(self._movement) else driven_m,
+            path_m=None if self._movement.holds_heading else driven_m,
         )
 
     def halt(self) -> None:

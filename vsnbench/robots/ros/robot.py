@@ -39,11 +39,10 @@ from vsnbench.robots.ros.watchdog import require_watchdog
 from vsnbench.sensing.exchange import Exchange
 from vsnbench.sensing.images.camera_images import MotionEnd
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import ActionKind
 from vsnbench.values.battery import Battery
 from vsnbench.values.fix import Fix, PoseSource
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive, goes_sideways, is_watched
+from vsnbench.values.movement import ActionKind, Drive
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import RobotIdentity, SimulationAccount
@@ -231,9 +230,9 @@ class RosRobot(Robot):
         With a watch, the depth images that arrive meanwhile are checked, and a blocked way ends the movement.
         """
         self._require_begun()
-        if goes_sideways(movement) and ActionKind.SIDESTEP not in self.action_kinds:
+        if movement.goes_sideways and ActionKind.SIDESTEP not in self.action_kinds:
             return MotionResult(completed=False, failure="what moves the base executes no movement to the side")
-        looks = self._looks_of(watch if is_watched(movement) else None)
+        looks = self._looks_of(watch if movement.is_watched else None)
         return self.movements.run(movement, longest_duration_s(movement, self._settings) + 2.0, looks)
 
     def _looks_of(self, watch: Watch | None) -> PathLooks | None:

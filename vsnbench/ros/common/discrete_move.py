@@ -19,16 +19,10 @@ from vsnbench.sensing.odometry.odometry import OdometryTracker
 from vsnbench.sensing.path_driver import PathDriver
 from vsnbench.sensing.path_orders import PathOrder
 from vsnbench.sensing.steering import rival_text
+from vsnbench.values.decision_check import checked_movement
+from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import (
-    Drive,
-    Move,
-    Pixel,
-    checked_movement,
-    holds_heading,
-    movement_from_json,
-    movement_text,
-)
+from vsnbench.values.movement import Drive, Move, Pixel
 from vsnbench.values.robot_profile import RobotProfile
 
 logger = logging.getLogger(__name__)
@@ -78,12 +72,12 @@ class DiscreteMoveTask(NodeTask):
             return MotionResult(completed=False, failure=_CLOSING)
         result = self._mover.drive(movement, caller_gone)
         if not result.completed:
-            return self.refuse(movement_text(movement), result)
-        logger.info("%s: done in %.2f s", movement_text(movement), result.duration_s)
+            return self.refuse(movement.text, result)
+        logger.info("%s: done in %.2f s", movement.text, result.duration_s)
         return result
 
     def drive_json(self, content: Any, caller_gone: Callable[[], bool]) -> MotionResult:
-        """Execute the movement in JSON of `movement_to_json`, from the network; see `drive`."""
+        """Execute the movement in JSON of `MovementBase.to_json`, from the network; see `drive`."""
         try:
             movement = movement_from_json(content)
             checked = checked_movement(movement)
@@ -91,7 +85,7 @@ class DiscreteMoveTask(NodeTask):
             return self.refuse("drive", f"cannot read the movement: {error}")
         if isinstance(checked, Pixel):
             return self.refuse("drive", "a pixel must be resolved to a waypoint first")
-        if isinstance(checked, Move) and holds_heading(movement):
+        if isinstance(checked, Move) and movement.holds_heading:
             checked = replace(checked, holds_heading=True)
         return self.drive(checked, caller_gone)
 

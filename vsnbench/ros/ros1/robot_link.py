@@ -32,7 +32,7 @@ from vsnbench.ros.ros1.subscriptions import Ros1Odometry, sender_of, subscribe_b
 from vsnbench.sensing.images.compressed_images import is_compressed
 from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.encoding.motion_answer import result_of_answer
-from vsnbench.values.movement import Drive, movement_to_json
+from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ROS1
 from vsnbench.values.robot_profile import RobotProfile
@@ -136,7 +136,7 @@ class Ros1Link(RobotLink):
         self._reports.take_outcome(None)
         if (words := words_of(movement)) is not None:
             return bool(self.discrete_move.call(DiscreteServerRequest(*words), timeout_s, watch).response)
-        request = DiscreteServerRequest(json.dumps(movement_to_json(movement)), 0)
+        request = DiscreteServerRequest(json.dumps(movement.to_json()), 0)
         return bool(self._drive.call(request, timeout_s, watch).response)
 
     def place(self, pose: Pose, seed: int, timeout_s: float) -> str:

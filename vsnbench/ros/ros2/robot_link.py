@@ -35,7 +35,7 @@ from vsnbench.sensing.simulation import ACCOUNT, INSTANCES, PLACE
 from vsnbench.values.battery import Battery
 from vsnbench.values.encoding.motion_answer import result_of_answer
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Drive, movement_to_json
+from vsnbench.values.movement import Drive
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_identity import ROS2
 from vsnbench.values.robot_profile import RobotProfile
@@ -161,7 +161,7 @@ class Ros2Link(RobotLink):
 
     def _ask_robot(self, movement: Drive, timeout_s: float, watch: Callable[[], None] | None) -> MotionResult:
         deadline_s = timeout_s - ANSWER_S if timeout_s > ANSWER_S else timeout_s / 2
-        request = {"request": "drive", "movement": movement_to_json(movement), "deadline_s": deadline_s}
+        request = {"request": "drive", "movement": movement.to_json(), "deadline_s": deadline_s}
         answer = self._discrete_move.call(request, timeout_s, watch)
         try:
             return result_of_answer(answer)

@@ -20,12 +20,11 @@ from vsnbench.runner.episode.policy_calls import PolicyCalls, PolicyFailedError
 from vsnbench.runner.episode.step import EpisodePlan, Step, Stepper
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.text.sanitize import error_line
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.fix import Fix
 from vsnbench.values.model.card import Anchor
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import Drive, Pixel, Velocity
+from vsnbench.values.movement import Action, Drive, Pixel, Velocity
 from vsnbench.values.observation import Observation
 from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, taken_action
 

@@ -28,11 +28,10 @@ from vsnbench.runtime.floating_point import floating_point_restored
 from vsnbench.runtime.time_limits import TimeLimitError, call_in_thread
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line, memory_problem, sanitize
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.card import Anchor
-from vsnbench.values.movement import Movement
+from vsnbench.values.movement import Action, Movement
 from vsnbench.values.observation import Budget, Observation, newest_of, with_changes
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base

@@ -8,7 +8,7 @@ import numpy as np
 from vsnbench.protocol.parameters import DepthGuard, ProtocolParameters
 from vsnbench.runner.episode.depth_guard import GuardReading, Refusal
 from vsnbench.runner.episode.local_map import LocalMap
-from vsnbench.values.movement import Drive, Sidestep, Velocity, goes_sideways
+from vsnbench.values.movement import Drive, Sidestep, Velocity
 from vsnbench.values.pose import Pose
 from vsnbench.values.robot_profile import Base
 
@@ -38,7 +38,7 @@ class SideGuard:
         match movement:
             case Sidestep(left_m):
                 return self.reading(left_m)
-            case Velocity() if goes_sideways(movement):
+            case Velocity() if movement.goes_sideways:
                 return self._reading_along(movement)
         return GuardReading()
 

@@ -22,11 +22,10 @@ from vsnbench.runner.episode.policy_calls import PolicyCalls
 from vsnbench.runner.episode.side_guard import SideGuard
 from vsnbench.runner.stopping.requests import Stopped, StopRequests
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.decision import Decision, Diagnostics
 from vsnbench.values.fix import Fix
 from vsnbench.values.motion_result import NOT_BEGUN, MotionResult
-from vsnbench.values.movement import Pixel, goes_sideways
+from vsnbench.values.movement import Action, Pixel
 from vsnbench.values.observation import Budget, Observation
 from vsnbench.values.step import AnswerTiming, FilmFrame, StepTimings, lasted_s
 
@@ -229,7 +228,7 @@ class Stepper:
             if waypoint is None:
                 return None, None, "the pixel has no depth"
             movement = waypoint
-        if self._side is not None and goes_sideways(movement):
+        if self._side is not None and movement.goes_sideways:
             guard = self._side.reading_of(movement)
             if guard.blocked:
                 return guard, None, guard.text

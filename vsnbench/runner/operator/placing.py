@@ -21,9 +21,9 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.contract import Robot
 from vsnbench.runner.stopping.requests import StopRequests
 from vsnbench.sites.site import Site, StartingPosition
-from vsnbench.values.action import Action
 from vsnbench.values.encoding.images import encode_jpeg, encode_png
 from vsnbench.values.fix import Fix, PoseSource
+from vsnbench.values.movement import Action
 from vsnbench.values.observation import Observation, Sensor
 from vsnbench.values.placement import MeasuredPlacement
 from vsnbench.values.pose import Pose

@@ -43,8 +43,8 @@ from vsnbench.runtime.threads import COMPUTE_THREADS, compute_with_one_thread
 from vsnbench.runtime.time_limits import call_interrupted
 from vsnbench.sites.site import Site
 from vsnbench.text.sanitize import error_line
-from vsnbench.values.action import ActionKind
 from vsnbench.values.camera import Camera, CameraRole
+from vsnbench.values.movement import ActionKind
 from vsnbench.values.observation import Sensor
 from vsnbench.values.robot_identity import RobotIdentity
 

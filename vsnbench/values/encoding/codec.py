@@ -10,14 +10,13 @@ import base64
 import binascii
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from vsnbench.errors import DecisionError
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import DISCRETE_ACTIONS, Action
 from vsnbench.values.decision import Box, Decision, Diagnostics, GridMap
 from vsnbench.values.decision_check import (
     MOST_MAP_CELLS,
@@ -28,7 +27,7 @@ from vsnbench.values.decision_check import (
     checked_diagnostics,
 )
 from vsnbench.values.encoding.images import decode_picture, depth_millimetres, encode_jpeg, encode_png, picture_size
-from vsnbench.values.movement import MAX_PARTS, Chunk, Movement, movement_from_json, movement_to_json
+from vsnbench.values.movement import DISCRETE_ACTIONS, MAX_PARTS, Action, Chunk, Movement
 from vsnbench.values.observation import Observation, Sensor
 
 _MOST_PNG_BYTES = 2 * MOST_MAP_CELLS**2
@@ -40,6 +39,8 @@ FURTHER_ARRAYS: Final = tuple(
 )
 """Sensors that `arrays` of a message has by the name of their field; `rgb` and `depth` have encodings of their own."""
 
+_MOVEMENTS: Final[Mapping[str, type[Movement]]] = {made.kind.value: made for made in get_args(Movement)}
+
 RgbEncoding = Literal["raw", "jpeg"]
 DepthEncoding = Literal["f32", "mm16"]
 
@@ -48,15 +49,27 @@ def decision_to_message(decision: Decision) -> dict[str, Any]:
     """Return a decision as values for JSON."""
     diagnostics = decision.diagnostics
     details = {"details": dict(diagnostics.details)} if diagnostics.details else {}
-    parts = [part.value if isinstance(part, Action) else movement_to_json(part) for part in decision.parts]
+    parts = [part.value if isinstance(part, Action) else part.to_json() for part in decision.parts]
     return {
         "action": decision.action.value,
         "raw_action": decision.raw_action,
         "probabilities": dict(diagnostics.probabilities),
         "diagnostics": _shown(diagnostics) | details,
-        **({} if decision.movement is None else {"movement": movement_to_json(decision.movement)}),
+        **({} if decision.movement is None else {"movement": decision.movement.to_json()}),
         **({"parts": parts} if parts else {}),
     }
+
+
+def movement_from_json(content: Mapping[str, Any]) -> Movement:
+    """Return the movement of `to_json`; unknown keys are ignored.
+
+    Raises:
+        ValueError: the content is not a movement, or a number of it is not finite.
+    """
+    try:
+        return _MOVEMENTS[content["kind"]].from_json(content)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"not a movement: {error}") from error
 
 
 def _answer_of(message: Mapping[str, Any]) -> Action | Movement | Chunk:

@@ -10,9 +10,8 @@ from enum import StrEnum
 from typing import Any, Final, Self
 
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import ActionKind
 from vsnbench.values.motion_result import Collision, CollisionSource, MotionResult
-from vsnbench.values.movement import ADAPTER_KINDS
+from vsnbench.values.movement import ADAPTER_KINDS, ActionKind
 
 MOST_TEXT: Final = 300
 """Longest reason of a failure that is kept, characters."""

@@ -10,10 +10,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from vsnbench.text.sanitize import sanitize
-from vsnbench.values.action import Action, ActionKind, can_replace
 from vsnbench.values.camera import CameraRole
 from vsnbench.values.goal import GoalKind
 from vsnbench.values.model.trained_camera import TrainedCamera
+from vsnbench.values.movement import TILTS, Action, ActionKind
 from vsnbench.values.observation import MAX_HISTORY, Budget, Observation, Sensor, shown_to_policy
 
 
@@ -42,7 +42,7 @@ def _not_json(value: object, where: str) -> Iterator[str]:
 
 
 def _tilts(mapped: Mapping[Action, Action]) -> Mapping[Action, Action]:
-    if not all(can_replace(*pair) for pair in mapped.items()):
+    if not all(tilt in TILTS and (other is Action.NOOP or other.moves) for tilt, other in mapped.items()):
         raise ValueError("must map LOOK_UP and LOOK_DOWN to other actions: {Action.LOOK_UP: Action.NOOP}")
     return mapped
 

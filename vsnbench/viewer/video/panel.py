@@ -14,7 +14,6 @@ from vsnbench.results.files.episode_entries import StepEntry
 from vsnbench.text.distances import distance_text
 from vsnbench.text.sanitize import counted
 from vsnbench.values.encoding.images import decode_picture
-from vsnbench.values.movement import movement_text
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import driven_path
 from vsnbench.viewer.replay import EpisodeReplay
@@ -296,7 +295,7 @@ class _Camera:
 
 def _action(entry: StepEntry) -> str:
     step = entry.step
-    words = movement_text(step.movement) if step.movement is not None else _spoken(step.action.value)
+    words = step.movement.text if step.movement is not None else _spoken(step.action.value)
     raw = _spoken(step.raw_action)
     return words if raw in ("", words, _spoken(step.action.value)) else f"{words} ({raw})"
 

@@ -15,7 +15,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from vsnbench.models.human.controls import CHOICES, Controls
-from vsnbench.values.action import Action
+from vsnbench.values.movement import Action
 from vsnbench.web.operator.app import ASSETS as OPERATOR_ASSETS
 from vsnbench.web_server.live_pages import LivePages
 from vsnbench.web_server.pages import (

@@ -24,7 +24,6 @@ from vsnbench.results.schema.engine import reading, record_errors
 from vsnbench.sites.site import Site
 from vsnbench.sites.targets import targets_of
 from vsnbench.values.decision_check import SHOWN
-from vsnbench.values.movement import movement_text
 from vsnbench.values.pose import Pose
 from vsnbench.values.step import StepRecord, driven_path, image_offset, lasted_s
 
@@ -281,7 +280,7 @@ def _step(step: StepRecord) -> dict[str, Any]:
     collision, answer = step.result.collision if step.result else None, step.answer
     return {
         "number": step.number,
-        "action": movement_text(step.movement) if step.movement is not None else step.action.value,
+        "action": step.movement.text if step.movement is not None else step.action.value,
         "raw_action": step.raw_action,
         "blocked": step.blocked,
         "refusal": step.refusal,

