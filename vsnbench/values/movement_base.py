@@ -161,7 +161,8 @@ class MovementBase:
     @property
     def reach_m(self) -> float:
         """The largest distance from the robot's position on the way; by default, that of the end."""
-        return 0.0 if self.end is None else math.hypot(*self.end.position)
+        end = self.end
+        return 0.0 if end is None else math.hypot(end.x_m, end.y_m)
 
     @property
     def holds_heading(self) -> bool:
