@@ -162,10 +162,10 @@ def file_of_module(module: object) -> Path | None:
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
     """Return the error for a name that does not exist, with the nearest name and all names."""
     names = list(known)
-    if classes := _classes_of_file(Path(name)):
-        return UsageError(
-            f"{kind} {name} is a file", advice=f"name the class in it: {' or '.join(classes)}", code=f"unknown-{kind}"
-        )
+    for file in dict.fromkeys((Path(name), Path(f"{name.replace('.', '/')}.py"))):
+        if classes := _classes_of_file(file):
+            what = f"{kind} {name} is a file" if str(file) == name else f"no {kind} {name!r}, but a file {file}"
+            return UsageError(what, advice=f"name the class in it: {' or '.join(classes)}", code=f"unknown-{kind}")
     near = closest(name, names)
     suggestion = f"did you mean {near}? " if near else ""
     return UsageError(

@@ -178,7 +178,7 @@ def test_a_file_in_place_of_a_model_is_answered_with_its_class(tmp_path: Path, m
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "roam.py").write_text("raise SystemExit\nclass Roam(vsnbench.Policy):\n    pass\n")
-    for name, refused in (("lab/roam.py", UsageError), ("lab/roam.py:Roam", ModelError)):
+    for name, refused in (("lab/roam.py", UsageError), ("lab.roam", UsageError), ("lab/roam.py:Roam", ModelError)):
         with pytest.raises(refused) as error:
             registry.create_policy(name)
         assert "lab.roam:Roam" in error.value.advice
