@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 _SHARE = 0.1
 """A base is stuck if it covers less than this share of what was commanded."""
@@ -12,12 +11,6 @@ is found within `stall_s`. A dead time of 0.5 s is not yet a stall.
 """
 _HOPS = 10
 """Number of marks per window; a stall is detected this share of the window late at most."""
-
-
-class _Reached(NamedTuple):
-    at_s: float
-    covered: complex
-    commanded: float
 
 
 class StallMonitor:
@@ -31,7 +24,8 @@ class StallMonitor:
     def __init__(self, stall_s: float, least: float) -> None:
         self._stall_s = stall_s
         self._least = least
-        self._marks: deque[_Reached] = deque()
+        self._marks: deque[tuple[float, complex, float]] = deque()
+        """Time, and what was covered and commanded until then; oldest first."""
         self.due_s = -math.inf
         """Time of the next comparison; earlier calls of `is_stuck` are not needed."""
 
@@ -51,11 +45,11 @@ class StallMonitor:
         if now_s < self.due_s:
             return False
         self.due_s = now_s + self._stall_s / _HOPS
-        self._marks.append(_Reached(now_s, covered, commanded))
-        while len(self._marks) > 2 and now_s - self._marks[1].at_s >= self._stall_s - 1e-6:
+        self._marks.append((now_s, covered, commanded))
+        while len(self._marks) > 2 and now_s - self._marks[1][0] >= self._stall_s - 1e-6:
             self._marks.popleft()
-        first = self._marks[0]
-        if now_s - first.at_s < self._stall_s - 1e-6:
+        began_s, covered_before, commanded_before = self._marks[0]
+        if now_s - began_s < self._stall_s - 1e-6:
             return False
-        asked = abs(commanded - first.commanded)
-        return asked > self._least and abs(covered - first.covered) < _SHARE * asked
+        asked = abs(commanded - commanded_before)
+        return asked > self._least and abs(covered - covered_before) < _SHARE * asked

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol
 
 from vsnbench.control.command import STANDSTILL, Command
 from vsnbench.control.paths.path_follower import PathFollower
@@ -24,14 +23,6 @@ _LONGEST_REST_S = 3.0
 """The odometry of a base with noise is never still."""
 
 
-class _ReadOdometry(Protocol):
-    """Reads the odometry of a simulated base."""
-
-    def __call__(self, *, fresh: bool = False) -> tuple[Pose, float]:
-        """Return the newest odometry and its time; `fresh` measures it now, whatever the rate of its messages."""
-        ...
-
-
 class DrivingOn:
     """The continuous motion of one episode; time passes only in `advance` and `come_to_rest`.
 
@@ -39,7 +30,7 @@ class DrivingOn:
         settings: speeds and accelerations.
         mover: sends commands to a base that is not ideal; None for an ideal base.
         base: the base.
-        read: reads its odometry.
+        read: returns its newest odometry and the time of it; `fresh=True` measures now, whatever the rate of messages.
         look: returns what the camera sees while a command is executed, with the length of the path that is left.
         name_of: names a touched object.
     """
@@ -49,7 +40,7 @@ class DrivingOn:
         settings: MotionSettings,
         mover: SimulatedMover | None,
         base: DrivenBase,
-        read: _ReadOdometry,
+        read: Callable[..., tuple[Pose, float]],
         look: Callable[[Command, float], DrivingView],
         name_of: Callable[[Touch], str],
     ) -> None:

@@ -112,11 +112,6 @@ class Move(MovementBase):
         return Pose(self.distance_m * math.cos(self.turn_rad), self.distance_m * math.sin(self.turn_rad), self.turn_rad)
 
     @property
-    def reach_m(self) -> float:
-        """The largest distance from the robot's position on the way."""
-        return abs(self.distance_m)
-
-    @property
     def ahead(self) -> float:
         """The distance, negative backwards."""
         return self.distance_m
@@ -153,11 +148,6 @@ class Waypoint(MovementBase):
     def end(self) -> Pose:
         """The point, and the heading if there is one."""
         return Pose(self.x_m, self.y_m, self.heading_rad or 0.0)
-
-    @property
-    def reach_m(self) -> float:
-        """The distance of the point."""
-        return math.hypot(self.x_m, self.y_m)
 
     @property
     def fixes_heading(self) -> bool:
@@ -212,7 +202,6 @@ class Velocity(MovementBase):
     """Drive with a constant velocity within the speeds of the base, then stop."""
 
     kind: ClassVar = ActionKind.VELOCITY
-    end = None
     replaces_path = True
 
     linear_m_s: Annotated[float, Parameter("forward", _MAX_SPEED)] = 0.0
@@ -267,11 +256,6 @@ class Sidestep(MovementBase):
     def end(self) -> Pose:
         """The point beside the robot."""
         return Pose(0.0, self.left_m)
-
-    @property
-    def reach_m(self) -> float:
-        """The distance to the side."""
-        return abs(self.left_m)
 
     @property
     def text(self) -> str:

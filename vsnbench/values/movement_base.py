@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self, get_args, get_type_hints
 
 from vsnbench.errors import DecisionError
 from vsnbench.settings.number_errors import other_unit, unit_of
+from vsnbench.values.pose import Pose
 
 Points = tuple[tuple[float, float], ...]
 """(x, y) each."""
@@ -151,6 +152,17 @@ class MovementBase:
         """
         given = ((parameter, content.get(parameter.name)) for parameter in cls.parameters())
         return cls(**{parameter.name: parameter.from_json(value) for parameter, value in given if value is not None})
+
+    @property
+    def end(self) -> Pose | None:
+        """The pose at the end in the robot's frame; None if it depends on how the base accelerates."""
+        return None
+
+    @property
+    def reach_m(self) -> float:
+        """The largest distance from the robot's position on the way; by default, that of the end."""
+        end = self.end
+        return 0.0 if end is None else math.hypot(end.x_m, end.y_m)
 
     @property
     def holds_heading(self) -> bool:

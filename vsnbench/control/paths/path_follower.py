@@ -96,7 +96,7 @@ class PathFollower:
         """Replace the running path.
 
         Args:
-            movement: a waypoint, a trajectory or a velocity.
+            movement: one of a kind that `replaces_path`.
             origin: pose in the odometry's frame that the movement is relative to.
             here: the robot's odometry.
         """
@@ -112,6 +112,8 @@ class PathFollower:
                 self._joins = True
             case Velocity():
                 self._velocity, self._velocity_until_s = self._settings.executable(movement), math.inf
+            case _:
+                raise TypeError(f"a {movement.kind} cannot replace a running path")
 
     def brake(self) -> None:
         """Drop the path, and slow down to rest within the accelerations of the base."""
