@@ -2,13 +2,15 @@
 
 import copy
 import pickle
+from dataclasses import fields, replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from vsnbench.errors import SensorLostError, SensorNotDeclaredError
 from vsnbench.values.camera import Camera
-from vsnbench.values.observation import InstanceImage, Observation, Sensor, shown_to_policy
+from vsnbench.values.observation import ArraySpec, InstanceImage, Observation, Sensor, shown_to_policy, with_changes
 from vsnbench.values.pose import Pose
 
 CAMERA = Camera(width=64, height=48, horizontal_fov_deg=60, mount_height_m=0.6)
@@ -66,6 +68,37 @@ def test_arrays_that_are_views_of_larger_ones_are_shown_whole_and_contiguous() -
     assert shown.rgb.flags.c_contiguous
     assert shown.rgb.base is None
     np.testing.assert_array_equal(shown.rgb, wide[:, ::2])
+
+
+def test_each_sensor_has_a_field_of_its_own() -> None:
+    names = [sensor.field for sensor in Sensor]
+    assert len(set(names)) == len(names)
+    assert set(names) <= {item.name for item in fields(Observation)}
+
+
+RANGES = ArraySpec(np.float32, ("rows", 3), span=(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("values", "fits"),
+    [
+        (np.zeros((5, 3), np.float32), True),
+        (np.zeros((5, 4), np.float32), False),
+        (np.zeros(3, np.float32), False),
+        (np.zeros((5, 3)), False),
+        (np.zeros((5, 3), ">f4"), False),
+        (np.full((5, 3), np.nan, np.float32), False),
+    ],
+)
+def test_an_array_has_the_form_that_its_sensor_declares(values: npt.NDArray[np.generic], fits: bool) -> None:
+    assert RANGES.fits(values) is fits
+    assert replace(RANGES, nan="no echo").fits(np.full((2, 3), np.nan, np.float32))
+
+
+@pytest.mark.parametrize("field", ["rgb", "depth_m"])
+def test_an_observation_with_an_array_of_another_form_is_refused(field: str) -> None:
+    with pytest.raises(ValueError, match=field):
+        with_changes(robots_own(), **{field: np.zeros((48, 64, 2), np.float32)})
 
 
 def test_a_missing_measurement_is_a_lost_sensor() -> None:

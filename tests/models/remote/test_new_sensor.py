@@ -45,6 +45,7 @@ DECLARED = {
 """Lines of the package, and what follows them where the sensor is declared and measured."""
 USED = '''
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,10 +60,14 @@ from vsnbench.models.remote.serving import ServedPolicy
 from vsnbench.models.synthetic import every_sensor
 from vsnbench.robots.adapter.images import observed
 from vsnbench.robots.adapter.messages import AdapterCard, InvalidAnswerError
-from vsnbench.robots.registry import open_robot
+from vsnbench.protocol.disturbances import parse_disturbances
 from vsnbench.protocol.parameters import ProtocolParameters
+from vsnbench.robots.registry import open_robot
+from vsnbench.runner.disturbances.policy_view import PolicyView
 from vsnbench.sites.site import load_site
+from vsnbench.values.camera import CameraRole
 from vsnbench.values.encoding.codec import observation_to_message
+from vsnbench.values.observation import with_changes
 
 SERVED = """
 class Model:
@@ -94,7 +99,15 @@ site = load_site("apartment")
 with open_robot("simulated:turtlebot2@64x48", site, ProtocolParameters()) as robot:
     robot.begin(site.starts[0], 0)
     seen = robot.observe()
+    view = PolicyView(parse_disturbances(["dropped_frames=0.99"]), robot, 0)
+    first, later = view.of(seen), view.of(with_changes(seen, rgb=255 - seen.rgb, scan_m=seen.scan_m + 1))
+    np.testing.assert_array_equal(later.scan_m, first.scan_m + 1)
+    assert later.rgb is first.rgb, "the frame was dropped"
 assert seen.scan_m.shape == (360,) and 0.2 < np.nanmin(seen.scan_m) < np.nanmax(seen.scan_m) < 12
+
+left = frozenset({CameraRole.LEFT})
+two_views = replace(Scanner.card, cameras=left).shown(every_sensor(0, roles=left))
+assert two_views.sensors == {Sensor.SCAN} and not two_views.cameras[CameraRole.LEFT].sensors
 
 findings = list(check_policy(Scanner(), steps=3))
 assert all(finding.passed for finding in findings), findings
