@@ -84,3 +84,8 @@ def test_campaigns_are_rows_that_episodes_refer_to(lab: Lab) -> None:
 def test_missing_results_are_refused_when_opened(tmp_path: Path) -> None:
     with pytest.raises(RecordError):
         vsnbench.open_results(tmp_path / "nothing")
+
+
+def test_a_column_of_several_expressions_is_refused_instead_of_read_wrongly() -> None:
+    with pytest.raises(TypeError, match="progress is computed from several columns"):
+        EPISODE.only("id", "progress").single("duration_s")

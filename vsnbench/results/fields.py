@@ -132,6 +132,17 @@ class Fields:
         """Return the quantities except some."""
         return Fields(field for field in self if field.name not in names)
 
+    def single(self, *besides: str) -> "Fields":
+        """Return the same quantities for tables that are read as arrays, the first SQL expression of each.
+
+        Raises:
+            TypeError: one is computed from several, and is not among `besides`.
+        """
+        for field in self:
+            if len(field.sql) > 1 and field.name not in besides:
+                raise TypeError(f"{field.name} is computed from several columns: declare it as one SQL expression")
+        return self
+
     def columns(self) -> list[Any]:
         """Return the SQL expressions to select, each once; hidden quantities of blinded arms are NULL.
 

@@ -308,7 +308,8 @@ TABLE = EPISODE.only(
 )
 """Columns of `export episodes` and of `Results.episodes` in Python, which also have computed ones.
 
-Each is read from one SQL expression; `duration_s` from its first, the report itself hides it.
+Each is read from one SQL expression, which `Fields.single` requires; `duration_s` from its first, the report itself
+hides it.
 """
 STEPS_TABLE = EPISODE.only(
     *("id", "model", "robot", "simulated", "site", "goal", "start", "repetition", "end_reason", "success", "counts"),

@@ -44,7 +44,7 @@ _OF_RECORD = Fields(
         Field("session", int, "number of the operator session; 0 without an operator", (_SESSION,)),
         Field("trial", int, "number of the trial", (TrialRow.id,)),
     )
-)
+).single("duration_s")
 """Quantities that are read from the database."""
 _OF_SUCCESS = TABLE.only(
     *("id", "campaign_id", "goal", "start", "state", "end_reason", "success", "actions", "path_m", "shortest_m"),

@@ -65,8 +65,8 @@ def check_execution(parameters: ProtocolParameters, disturbances: Disturbances, 
         )
     if not card.action_kinds & KINDS_WHILE_DRIVING:
         raise UsageError(
-            f"--continuous: model {card.name} answers with {', '.join(sorted(card.action_kinds))}, which goes from "
-            "rest to rest: each action begins and ends with the robot at rest",
+            f"--continuous: model {card.name} answers with {', '.join(sorted(card.action_kinds))} only, from rest to "
+            "rest: each action begins and ends with the robot at rest",
             advice=f"only models that answer with {', '.join(sorted(KINDS_WHILE_DRIVING))} can drive on",
             code="unsupported-action-kind",
         )
