@@ -206,6 +206,7 @@ def check_trials(lab: Lab, results: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_the_apartment_is_recovered_from_its_scan_and_all_trials_succeed(tmp_path: Path) -> None:
     lab = lab_of(load_site("apartment"), Imperfection(scale=0.97), tmp_path)
     check_recovery(lab)

@@ -35,7 +35,7 @@ def nodes() -> Iterator[SimpleNamespace]:
             others.append(Ros2Node(name))
             return others[-1]
 
-        yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), node=ours.rclpy, theirs=theirs, another=another)
+        yield SimpleNamespace(ours=Ros2Exchange(ours, Graph(ours)), node=ours, theirs=theirs, another=another)
     for node in (*others, theirs, ours):
         node.close()
     domain.close()
@@ -112,7 +112,7 @@ def test_an_action_succeeds_aborts_is_refused_or_canceled(nodes: SimpleNamespace
 
 
 def test_a_goal_that_is_accepted_too_late_is_canceled(nodes: SimpleNamespace) -> None:
-    from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+    from rclpy.action import ActionServer, CancelResponse, GoalResponse
     from rclpy.callback_groups import ReentrantCallbackGroup
     from test_msgs.action import Fibonacci
 
@@ -142,9 +142,8 @@ def test_a_goal_that_is_accepted_too_late_is_canceled(nodes: SimpleNamespace) ->
         cancel_callback=cancel,
         callback_group=ReentrantCallbackGroup(),
     )
-    assert ActionClient(nodes.node, Fibonacci, "/late").wait_for_server(60.0), (
-        "discovery may take longer than the limit"
-    )
+    client = nodes.node.action_client(Fibonacci, "/late")
+    assert client.wait_for_server(60.0), "discovery may take longer than the limit"
     began_s = time.monotonic()
     with pytest.raises(ModelLostError, match="the action /late does not answer within 2 s"):
         nodes.ours.send_goal("/late", "test_msgs/action/Fibonacci", {"order": 1}, 2.0)
@@ -187,3 +186,26 @@ def test_content_that_does_not_fit_its_type_is_an_error(
 
 def test_whole_numbers_are_taken_where_a_field_has_a_fraction(nodes: SimpleNamespace) -> None:
     nodes.ours.check("geometry_msgs/PoseStamped", {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1}}})
+
+
+def test_an_action_client_is_made_in_the_thread_that_spins(
+    nodes: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rclpy.action import ActionClient
+    from test_msgs.action import Fibonacci
+
+    from vsnbench.ros.ros2 import node
+
+    threads: list[threading.Thread] = []
+
+    class Recording(ActionClient):
+        def __init__(self, *arguments: Any) -> None:
+            threads.append(threading.current_thread())
+            super().__init__(*arguments)
+
+    monkeypatch.setattr(node, "ActionClient", Recording)
+    nodes.node.action_client(Fibonacci, "/recorded")
+    assert [thread.name for thread in threads] == ["ros2 vsnbench_1"]
+    with pytest.raises(Exception, match="invalid"):
+        nodes.node.action_client(Fibonacci, "not a name")
+    assert threads[0].is_alive(), "what was wrong is raised to the caller"

@@ -95,9 +95,7 @@ def undock(node: "Ros2Node", names: "Ros2Interface") -> None:
             advice=f"{on_robot}, or push it off by hand",
             code="no-irobot-create-msgs",
         )
-    from rclpy.action import ActionClient
-
-    client = ActionClient(node.rclpy, action, names.undock)
+    client = node.action_client(action, names.undock)
     try:
         if not client.wait_for_server(timeout_sec=_ANSWER_S):
             raise RobotError(

@@ -4,7 +4,6 @@ import importlib
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from rclpy.action import ActionClient
 from rclpy.qos import QoSReliabilityPolicy
 
 from vsnbench.errors import ModelLostError
@@ -58,7 +57,7 @@ class Ros2Exchange(Exchange):
         """Send a goal to an action server; see `Exchange`."""
         goal, key = self._filled(kind, content), (name, kind)
         if key not in self._clients:
-            self._clients[key] = ActionClient(self._node.rclpy, _class_of(kind), name)
+            self._clients[key] = self._node.action_client(_class_of(kind), name)
         client = self._clients[key]
         if not client.wait_for_server(timeout_sec=timeout_s):
             raise ModelLostError(f"no node offers the action {name} ({kind})", advice="start the stack")

@@ -10,9 +10,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar
+from concurrent.futures import Future
+from typing import Any, ClassVar, Final
 
 import rclpy
+from rclpy.action import ActionClient
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -35,6 +37,8 @@ SENSOR_DATA = QoSProfile(
 """Quality of service of sensors, which every driver offers."""
 RELIABLE = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
 """Quality of service of commands and requests; also matches subscribers that require best effort."""
+_THREAD_S: Final = 10.0
+"""Longest time that the thread of a node takes before it does what another thread asks for."""
 LATCHED = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of messages that late subscribers receive again."""
 
@@ -163,6 +167,23 @@ class Ros2Node:
     def subscribe_text(self, topic: str, take: Callable[[str], None]) -> None:
         """Pass every std_msgs/String of a topic to `take`."""
         self.rclpy.create_subscription(String, topic, lambda message: take(message.data), RELIABLE)
+
+    def action_client(self, kind: type, action: str) -> Any:
+        """Return a client of an action of type `kind`.
+
+        It is made in the thread that spins: rclpy's client joins its node before it is complete, so that an executor in
+        another thread can end with an error, and the node would hear nothing any more.
+        """
+        made: Future[Any] = Future()
+
+        def make() -> None:
+            try:
+                made.set_result(ActionClient(self.rclpy, kind, action))
+            except Exception as error:  # raised to the caller, as it would end the thread
+                made.set_exception(error)
+
+        self._executor.create_task(make)
+        return made.result(_THREAD_S)
 
     def stamp(self) -> Any:
         """Return the current time as a stamp."""
