@@ -9,8 +9,8 @@ export PYTHONDONTWRITEBYTECODE :=
 # A file stays in one process. tests/conftest.py puts the longest files first, which xdist keeps with the second option.
 SPREAD := --dist loadfile --no-loadscope-reorder
 
-# Many of these tests wait for processes, disks and browsers: with four on two cores, a core was idle for a fifth of the time.
-WAITING ?= 5
+# Most of these tests wait a third of their time for processes and browsers: twice as many as two cores keep the cores busy.
+WAITING ?= 4
 
 # Tests on live graphs and in browsers can fail on a busy machine: two reruns, which the summary lists. RERUN= repeats none.
 RERUN ?= --reruns 2 -r R

@@ -24,7 +24,18 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 LONGEST = (
     "docs/test_commands.py",
     "training/test_run.py",
+    "golden/test_golden.py",
     "fuzz/test_fuzz.py",
+    "web/results_browser/test_page_in_browser.py",
+    "web/results_browser/test_website.py",
+    "web/second_judgement/test_second_judgement_app.py",
+    "web/operator/test_page_in_browser.py",
+    "results/schema/test_migrate.py",
+    "cli/running/test_try.py",
+    "web/operator/test_page.py",
+    "web/driver/test_driver_page.py",
+    "web/site_editor/test_editor.py",
+    "web/site_editor/test_scan.py",
     "cli/study/test_verbs.py",
     "runner/executors/test_local_pool.py",
     "cli/running/test_run_with_a_person.py",
@@ -52,7 +63,9 @@ LONGEST = (
     "cli/robots/test_doctor_hazards.py",
     "robots/test_ros1_camera_faults.py",
 )
-"""Files that start first, in this order: a long file that starts last leaves the other workers idle."""
+"""Files that start first, in this order: a long file that starts last leaves the other workers idle, and files that
+mostly wait for a browser leave the cores idle if they run together, as they do at the end of the alphabet.
+"""
 
 _MARK = re.compile(r"\bmark\.(\w+)")
 _MARKS_OF_FILE = re.compile(r"^pytestmark = .*", re.MULTILINE)
