@@ -102,7 +102,6 @@ class MotionController(Controller):
         if leg.is_lateral:
             response = response.sideways
         self._sent = SentCommands(response)
-        self._command = STANDSTILL
         self._target = leg.target
         self._still_since: _Mark | None = None
         self._commands: list[_Mark] = []
@@ -171,7 +170,7 @@ class MotionController(Controller):
         self._turned_rad += wrap_angle(pose.heading_rad - self._last_heading_rad)
         self._last_heading_rad = pose.heading_rad
         left = self._left = self.error(pose)
-        if (sent := self._command) is not STANDSTILL:
+        if (sent := self._sent.last) is not STANDSTILL:
             self._commanded += self._along(sent.linear_m_s, sent.angular_rad_s) * period_s
         if self._phase is _DRIVE and not self.corrections and not self._knows_response:
             self._learn_latency(left, now_s, stamp_s)
@@ -185,7 +184,6 @@ class MotionController(Controller):
         command = self._next(pose, left, now_s, stamp_s, min(period_s, 5 * self._period_s))
         if self.status is not _MOVING:
             return STANDSTILL
-        self._command = command
         self._sent.add(now_s, command)
         return command.turned_left if self._is_lateral else command
 

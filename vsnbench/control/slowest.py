@@ -21,9 +21,6 @@ class SlowestVelocity:
         cruise: cruising speed of the axis; the slowest velocity is at most a share of it.
         tolerance: tolerance of the movement; infinity where nothing is to be found out.
         settings: settings of the movement.
-
-    Attributes:
-        due_s: time of the next comparison; earlier calls of `look` are not needed.
     """
 
     def __init__(self, velocity: float, cruise: float, tolerance: float, settings: MotionSettings) -> None:
@@ -33,7 +30,11 @@ class SlowestVelocity:
         self._settle_s = settings.settle_s
         self._owed = 0.0
         self._monitor: StallMonitor | None = None
-        self.due_s = -math.inf
+
+    @property
+    def due_s(self) -> float:
+        """Time of the next comparison; earlier calls of `look` are not needed."""
+        return self._monitor.due_s if self._monitor else -math.inf
 
     def least(self, period_s: float) -> float:
         """Return the smallest amount that a correction improves: half of one period at the slowest velocity."""
@@ -53,9 +54,7 @@ class SlowestVelocity:
             self._monitor = StallMonitor(delay_s + max(_LOOK_S, self._settle_s), 0.5 * self._tolerance)
         if self._monitor.is_stuck(now_s, -left, commanded):
             self.too_slow(velocity)
-            self._monitor, self.due_s = None, -math.inf
-        else:
-            self.due_s = self._monitor.due_s
+            self._monitor = None
 
     def too_slow(self, velocity: float) -> None:
         """Raise the velocity, because a command did not move the base."""

@@ -63,7 +63,7 @@ class Sensor(StrEnum):
     """Field of `Observation` with the measurement."""
     meaning: str
     array: ArraySpec | None
-    """Form of the measurement; None if it is no array."""
+    """Type and shape of the array; None if the sensor measures something other than an array."""
     is_sent: bool
     """Whether a served policy can get it."""
 

@@ -980,7 +980,7 @@ def _arrays_of(arrays: Any) -> dict[str, Any]:
     found = {}
     for name, array in arrays.items():
         if not isinstance(name, str) or not _ATTRIBUTE.fullmatch(name) or keyword.iskeyword(name):
-            raise WireError(f"`arrays` has {name!r:.40}, which is no name of an attribute")
+            raise WireError(f"`arrays` has {name!r:.40}, which cannot be the name of an attribute")
         if not isinstance(array, dict) or array.get("dtype") not in ARRAY_TYPES:
             raise WireError("`arrays.{}` needs `dtype`, one of {}".format(name, ", ".join(ARRAY_TYPES)))
         shape, data = array.get("shape"), array.get("data")

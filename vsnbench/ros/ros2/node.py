@@ -37,10 +37,10 @@ SENSOR_DATA = QoSProfile(
 """Quality of service of sensors, which every driver offers."""
 RELIABLE = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
 """Quality of service of commands and requests; also matches subscribers that require best effort."""
-_THREAD_S: Final = 10.0
-"""Longest time that the thread of a node takes before it does what another thread asks for."""
 LATCHED = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of messages that late subscribers receive again."""
+_THREAD_S: Final = 10.0
+"""Longest time until the thread of a node does what another thread asks for."""
 
 
 class _NodeWithoutEvents(Node):  # type: ignore[misc]
@@ -171,8 +171,11 @@ class Ros2Node:
     def action_client(self, kind: type, action: str) -> Any:
         """Return a client of an action of type `kind`.
 
-        It is made in the thread that spins: rclpy's client joins its node before it is complete, so that an executor in
-        another thread can end with an error, and the node would hear nothing any more.
+        It is made in the thread that spins, because rclpy's client joins its node before it is complete: an executor in
+        another thread could fail on it, and the node would receive nothing more.
+
+        Raises:
+            RobotError: the thread does not answer.
         """
         made: Future[Any] = Future()
 
@@ -183,7 +186,12 @@ class Ros2Node:
                 made.set_exception(error)
 
         self._executor.create_task(make)
-        return made.result(_THREAD_S)
+        try:
+            return made.result(_THREAD_S)
+        except TimeoutError as error:
+            raise RobotError(
+                f"the ROS 2 node {self.full_name} does not answer", advice="run the command again", code="no-ros2-node"
+            ) from error
 
     def stamp(self) -> Any:
         """Return the current time as a stamp."""
